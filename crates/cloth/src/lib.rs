@@ -1,0 +1,26 @@
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+mod material;
+mod mesh;
+
+pub use material::Material;
+pub use mesh::{Grid, Mesh};
+
+/// Why a mesh or a material was refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// A number is outside its bounds.
+    #[error("{field} is {value}, must be {bound}")]
+    Value {
+        /// The field, with its unit.
+        field: &'static str,
+        /// What was given.
+        value: f64,
+        /// What is allowed.
+        bound: &'static str,
+    },
+    /// A sheet needs at least one quad, and its nodes must fit into memory.
+    #[error("grid has {0} x {1} nodes, must be at least 2 x 2 and at most {max} in all", max = Mesh::MAX_NODES)]
+    GridSize(usize, usize),
+}

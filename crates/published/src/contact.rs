@@ -1,0 +1,455 @@
+//! Self-collision: nodes as balls, averaged projected Jacobi, friction towards the substep's start.
+
+use std::collections::HashSet;
+
+use selvedge_cloth::Mesh;
+use selvedge_math::DVec3;
+
+/// Candidates are looked for within this many ball radii ...
+const REACH: f64 = 3.5;
+/// ... among this many nearest nodes.
+const NEIGHBOURS: usize = 12;
+/// A relative move of this size makes the candidates stale.
+const STALE: f64 = 0.035;
+/// Ball diameter per mean edge length, before the thickness factor.
+const EDGES_PER_RADIUS: f64 = 2.05;
+/// Nodes at the two ends of a short edge or diagonal touch at this share of its length.
+const SHORT: f64 = 0.976;
+const SWEEP_LIMIT: usize = 50;
+/// Friction is applied in the first passes only.
+const FRICTION_PASSES: usize = 5;
+
+/// The contact state that outlives a substep.
+#[derive(Clone, Debug)]
+struct Candidates {
+    /// Pairs `(i, j)`, `i < j`, with their contact distance `R` [m].
+    pairs: Vec<([u32; 2], f64)>,
+    /// Reference positions and distances to the origin for the staleness test.
+    reference: Vec<DVec3>,
+    origin_distance: Vec<f64>,
+    rebuilds: u32,
+}
+
+impl Candidates {
+    /// As `clone_from`, keeping the memory.
+    fn copy_from(&mut self, other: &Self) {
+        self.pairs.clone_from(&other.pairs);
+        self.reference.copy_from_slice(&other.reference);
+        self.origin_distance.copy_from_slice(&other.origin_distance);
+        self.rebuilds = other.rebuilds;
+    }
+}
+
+/// The balls and what they touch.
+#[derive(Clone, Debug)]
+pub(crate) struct Contact {
+    /// Ball radius `r` [m].
+    radius: f64,
+    /// Pairs that share an edge, never in contact.
+    edges: HashSet<[u32; 2]>,
+    /// Contact distance of quad diagonals where it is below `2 r`.
+    diagonals: Vec<([u32; 2], f64)>,
+    inverse_areas: Vec<f64>,
+    candidates: Candidates,
+    /// The candidates before the present step, to go back to when it fails.
+    before: Candidates,
+    take_reference: bool,
+    // Scratch of one substep, by pair.
+    start: Vec<DVec3>,
+    active: Vec<bool>,
+    // Scratch of one pass.
+    gaps: Vec<(f64, DVec3)>,
+    touching: Vec<Touch>,
+    correction: Vec<DVec3>,
+    count: Vec<f64>,
+    weights: Vec<f64>,
+    search: Search,
+}
+
+/// One active pair in one pass.
+#[derive(Clone, Copy, Debug)]
+struct Touch {
+    nodes: [u32; 2],
+    distance: f64,
+    gap: f64,
+    normal: DVec3,
+    /// `w_i + w_j + c`.
+    stiffness: f64,
+    lambda: f64,
+}
+
+/// What a pass needs to know.
+pub(crate) struct Pass<'a> {
+    /// Pass number in the substep, from 0.
+    pub(crate) number: usize,
+    /// Whether the candidates must be looked for anew whatever has moved.
+    pub(crate) force_rebuild: bool,
+    /// Positions at the start of the substep [m].
+    pub(crate) start: &'a [DVec3],
+    pub(crate) held: &'a [u32],
+    pub(crate) compliance: f64,
+    pub(crate) tolerance: f64,
+    pub(crate) friction: f64,
+}
+
+impl Contact {
+    pub(crate) fn new(mesh: &Mesh, inverse_areas: &[f64], thickness_factor: f64) -> Self {
+        let rest = mesh.rest();
+        let length = |a: u32, b: u32| rest[a as usize].distance(rest[b as usize]);
+        let radius = thickness_factor * mean_edge(mesh) / EDGES_PER_RADIUS;
+        let diagonals = mesh
+            .quads()
+            .iter()
+            .flat_map(|q| [[q[0], q[2]], [q[1], q[3]]])
+            .map(|[a, b]| ([a.min(b), a.max(b)], SHORT * length(a, b)))
+            .filter(|&(_, distance)| distance < 2.0 * radius)
+            .collect();
+        let n = rest.len();
+        let candidates = Candidates {
+            pairs: Vec::new(),
+            reference: rest.to_vec(),
+            origin_distance: vec![1.0; n],
+            rebuilds: 0,
+        };
+        Self {
+            radius,
+            edges: mesh.edges().iter().copied().collect(),
+            diagonals,
+            inverse_areas: inverse_areas.to_vec(),
+            before: candidates.clone(),
+            candidates,
+            take_reference: false,
+            start: Vec::new(),
+            active: Vec::new(),
+            gaps: Vec::new(),
+            touching: Vec::new(),
+            correction: vec![DVec3::ZERO; n],
+            count: vec![0.0; n],
+            weights: inverse_areas.to_vec(),
+            search: Search::default(),
+        }
+    }
+
+    /// Forgets the candidates, as before the first step.
+    pub(crate) fn reset(&mut self, mesh: &Mesh) {
+        self.candidates.pairs.clear();
+        self.active.clear();
+        self.candidates.reference.copy_from_slice(mesh.rest());
+        self.candidates.origin_distance.fill(1.0);
+        self.candidates.rebuilds = 0;
+    }
+
+    /// The number of pairs corrected in the last substep.
+    pub(crate) fn active_count(&self) -> usize {
+        self.active.iter().filter(|&&active| active).count()
+    }
+
+    /// Keeps the present candidates to go back to.
+    pub(crate) fn remember(&mut self) {
+        self.before.copy_from(&self.candidates);
+    }
+
+    /// Goes back to the candidates last kept.
+    pub(crate) fn recall(&mut self) {
+        self.candidates.copy_from(&self.before);
+        self.take_reference = false;
+    }
+
+    #[cfg(test)]
+    pub(crate) fn rebuild_count(&self) -> u32 {
+        self.candidates.rebuilds
+    }
+
+    /// Corrects `x` after the stretch solve of a pass.
+    pub(crate) fn pass(&mut self, pass: &Pass<'_>, x: &mut [DVec3]) {
+        if pass.number == 0 {
+            self.begin_substep(pass, x);
+        }
+        if !self.find_active(pass, x) {
+            return;
+        }
+        self.push_apart(pass);
+        if pass.number < FRICTION_PASSES {
+            self.rub(pass, x);
+        }
+        for (x, &move_) in x.iter_mut().zip(&self.correction) {
+            *x += move_;
+        }
+    }
+
+    /// At the end of the pass loop: the reference of the staleness test is read here, not where
+    /// the candidates were found.
+    pub(crate) fn end_substep(&mut self, x: &[DVec3]) {
+        if self.take_reference {
+            self.candidates.reference.copy_from_slice(x);
+            self.take_reference = false;
+        }
+    }
+
+    /// **Not physics**: staleness is measured against the distance to the world's origin, so it
+    /// depends on where the cloth lies.
+    fn begin_substep(&mut self, pass: &Pass<'_>, x: &[DVec3]) {
+        let moved = x
+            .iter()
+            .zip(&self.candidates.reference)
+            .zip(&self.candidates.origin_distance)
+            .any(|((x, y), d)| x.distance(*y) / d > STALE);
+        if pass.force_rebuild || moved {
+            self.find_candidates(x, pass.held);
+            for (d, x) in self.candidates.origin_distance.iter_mut().zip(x) {
+                *d = x.length();
+            }
+            self.take_reference = true;
+            self.candidates.rebuilds += 1;
+        }
+        self.start.clear();
+        self.start.extend(self.candidates.pairs.iter().map(|&([i, j], _)| {
+            pass.start[j as usize] - pass.start[i as usize]
+        }));
+        self.active.clear();
+        self.active.resize(self.candidates.pairs.len(), false);
+    }
+
+    /// **Not physics**: a pair whose smaller index does not see the larger one among its nearest
+    /// nodes is missed, and the ball radius follows the mesh, not the material.
+    fn find_candidates(&mut self, x: &[DVec3], held: &[u32]) {
+        let reach = REACH * self.radius;
+        self.candidates.pairs.clear();
+        self.search.fill(x, reach);
+        for i in 0..x.len() as u32 {
+            for &(_, j) in self.search.nearest(x, i, reach, NEIGHBOURS) {
+                let both_held =
+                    held.binary_search(&i).is_ok() && held.binary_search(&j).is_ok();
+                if i < j && !both_held && !self.edges.contains(&[i, j]) {
+                    let short = self.diagonals.iter().find(|(pair, _)| *pair == [i, j]);
+                    self.candidates.pairs.push(([i, j], short.map_or(2.0 * self.radius, |&(_, d)| d)));
+                }
+            }
+        }
+    }
+
+    /// Measures every candidate; false when none is deeper than the tolerance, in which case
+    /// nothing is corrected at all.
+    fn find_active(&mut self, pass: &Pass<'_>, x: &[DVec3]) -> bool {
+        let mut deepest = f64::INFINITY;
+        self.gaps.clear();
+        for (&([i, j], distance), start) in self.candidates.pairs.iter().zip(&self.start) {
+            let between = x[j as usize] - x[i as usize];
+            let mut length = between.length();
+            let mut normal = between / length;
+            // A pair stays on the side on which it began the substep.
+            if start.dot(normal) < 0.0 {
+                normal = -normal;
+                length = -length;
+            }
+            let gap = length - distance;
+            deepest = deepest.min(gap / distance);
+            self.gaps.push((gap, normal));
+        }
+        if self.candidates.pairs.is_empty() || deepest >= -pass.tolerance {
+            return false;
+        }
+        self.weights.copy_from_slice(&self.inverse_areas);
+        for &node in pass.held {
+            self.weights[node as usize] = 0.0;
+        }
+        self.touching.clear();
+        self.count.fill(0.0);
+        for (k, (&(nodes, distance), &(gap, normal))) in
+            self.candidates.pairs.iter().zip(&self.gaps).enumerate()
+        {
+            self.active[k] |= gap / distance < pass.tolerance;
+            if self.active[k] {
+                let [i, j] = nodes.map(|node| node as usize);
+                self.count[i] += 1.0;
+                self.count[j] += 1.0;
+                let stiffness = self.weights[i] + self.weights[j] + pass.compliance;
+                let lambda = (-gap / stiffness).max(0.0);
+                self.touching.push(Touch { nodes, distance, gap, normal, stiffness, lambda });
+            }
+        }
+        true
+    }
+
+    /// Averaged projected Jacobi. **Not physics**: with different counts at the two ends of a pair
+    /// the pushes are not equal and opposite.
+    fn push_apart(&mut self, pass: &Pass<'_>) {
+        self.sum_pushes();
+        for _ in 0..SWEEP_LIMIT {
+            let mut worst = f64::INFINITY;
+            for touch in &mut self.touching {
+                let [i, j] = touch.nodes.map(|node| node as usize);
+                let opening = touch.normal.dot(self.correction[j] - self.correction[i]);
+                let residual = -touch.gap - opening - pass.compliance * touch.lambda;
+                worst = worst.min(-residual / touch.distance);
+                touch.lambda = (touch.lambda + residual / touch.stiffness).max(0.0);
+            }
+            self.sum_pushes();
+            if worst >= -pass.tolerance {
+                break;
+            }
+        }
+    }
+
+    fn sum_pushes(&mut self) {
+        self.correction.fill(DVec3::ZERO);
+        for touch in &self.touching {
+            let [i, j] = touch.nodes.map(|node| node as usize);
+            let push = touch.lambda * touch.normal;
+            self.correction[i] -= push;
+            self.correction[j] += push;
+        }
+        for ((correction, &w), &count) in
+            self.correction.iter_mut().zip(&self.weights).zip(&self.count)
+        {
+            if count > 0.0 {
+                *correction *= w / count;
+            }
+        }
+    }
+
+    /// **Not physics**: each node is pulled back towards where it began the substep, whatever its
+    /// partner does, so layers that move together are braked.
+    fn rub(&mut self, pass: &Pass<'_>, x: &[DVec3]) {
+        const TINY: f64 = 1e-12;
+        for ((correction, &x), &start) in self.correction.iter_mut().zip(x).zip(pass.start) {
+            let depth = correction.length();
+            if depth > 0.0 {
+                let normal = *correction / (depth + TINY);
+                let back = start - (x + *correction);
+                let slip = back - back.dot(normal) * normal;
+                let share = (pass.friction * depth / (slip.length() + TINY)).min(1.0);
+                *correction += share * slip;
+            }
+        }
+    }
+}
+
+/// The mean rest length of the edges [m].
+pub(crate) fn mean_edge(mesh: &Mesh) -> f64 {
+    let rest = mesh.rest();
+    let sum: f64 =
+        mesh.edges().iter().map(|&[p, q]| rest[p as usize].distance(rest[q as usize])).sum();
+    sum / mesh.edges().len() as f64
+}
+
+/// Exact nearest neighbours within a reach, by a hashed grid of cells of that size.
+#[derive(Clone, Debug, Default)]
+struct Search {
+    cell: Vec<[i64; 3]>,
+    /// Nodes sorted by bucket; bucket `b` holds `order[bucket_start[b]..bucket_start[b + 1]]`.
+    bucket_start: Vec<u32>,
+    order: Vec<u32>,
+    found: Vec<(f64, u32)>,
+    visited: Vec<usize>,
+}
+
+impl Search {
+    fn bucket(&self, cell: [i64; 3]) -> usize {
+        let mixed = (cell[0].wrapping_mul(73_856_093))
+            ^ (cell[1].wrapping_mul(19_349_663))
+            ^ (cell[2].wrapping_mul(83_492_791));
+        // The number of buckets is a power of two.
+        mixed as usize & (self.bucket_start.len() - 2)
+    }
+
+    fn fill(&mut self, x: &[DVec3], reach: f64) {
+        let buckets = x.len().next_power_of_two();
+        self.bucket_start.clear();
+        self.bucket_start.resize(buckets + 1, 0);
+        self.cell.clear();
+        self.cell.extend(x.iter().map(|p| (*p / reach).to_array().map(|c| c.floor() as i64)));
+        for k in 0..x.len() {
+            let b = self.bucket(self.cell[k]);
+            self.bucket_start[b + 1] += 1;
+        }
+        for b in 0..buckets {
+            self.bucket_start[b + 1] += self.bucket_start[b];
+        }
+        self.order.clear();
+        self.order.resize(x.len(), 0);
+        // Filled from the back, so that the starts end up where they belong.
+        for k in (0..x.len()).rev() {
+            let b = self.bucket(self.cell[k]);
+            let end = &mut self.bucket_start[b + 1];
+            *end -= 1;
+            self.order[*end as usize] = k as u32;
+        }
+        self.bucket_start.rotate_left(1);
+        if let Some(last) = self.bucket_start.last_mut() {
+            *last = x.len() as u32;
+        }
+    }
+
+    /// The nodes nearest to node `i`, at most `limit` of them, those closer than `reach`.
+    fn nearest(&mut self, x: &[DVec3], i: u32, reach: f64, limit: usize) -> &[(f64, u32)] {
+        let centre = x[i as usize];
+        let [cx, cy, cz] = self.cell[i as usize];
+        self.found.clear();
+        self.visited.clear();
+        for dx in -1..=1 {
+            for dy in -1..=1 {
+                for dz in -1..=1 {
+                    let bucket = self.bucket([
+                        cx.wrapping_add(dx),
+                        cy.wrapping_add(dy),
+                        cz.wrapping_add(dz),
+                    ]);
+                    if self.visited.contains(&bucket) {
+                        continue;
+                    }
+                    self.visited.push(bucket);
+                    let range = self.bucket_start[bucket] as usize
+                        ..self.bucket_start[bucket + 1] as usize;
+                    for &j in &self.order[range] {
+                        let distance = centre.distance(x[j as usize]);
+                        if j != i && distance < reach {
+                            self.found.push((distance, j));
+                        }
+                    }
+                }
+            }
+        }
+        self.found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        self.found.truncate(limit);
+        self.found.sort_unstable_by_key(|&(_, j)| j);
+        &self.found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points of a fixed linear congruential generator in a small box.
+    fn cloud(n: usize) -> Vec<DVec3> {
+        let mut state = 1u64;
+        let mut next = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        (0..n).map(|_| DVec3::new(next(), next(), next())).collect()
+    }
+
+    #[test]
+    fn neighbours_are_those_of_a_full_scan() {
+        let x = cloud(300);
+        let mut search = Search::default();
+        for reach in [0.05, 0.3] {
+            search.fill(&x, reach);
+            for i in 0..x.len() {
+                let mut all: Vec<(f64, u32)> = (0..x.len())
+                    .filter(|&j| j != i)
+                    .map(|j| (x[i].distance(x[j]), j as u32))
+                    .collect();
+                all.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+                let mut expected: Vec<u32> =
+                    all.iter().take(12).filter(|(d, _)| *d < reach).map(|&(_, j)| j).collect();
+                expected.sort_unstable();
+                let got: Vec<u32> =
+                    search.nearest(&x, i as u32, reach, 12).iter().map(|&(_, j)| j).collect();
+                assert_eq!(got, expected);
+            }
+        }
+    }
+}
