@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+pub mod linear;
 mod material;
 mod mesh;
 
@@ -9,6 +10,7 @@ pub use mesh::{Grid, Mesh};
 
 /// Why a mesh or a material was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// A number is outside its bounds.
     #[error("{field} is {value}, must be {bound}")]
@@ -23,4 +25,7 @@ pub enum Error {
     /// A sheet needs at least one quad, and its nodes must fit into memory.
     #[error("grid has {0} x {1} nodes, must be at least 2 x 2 and at most {max} in all", max = Mesh::MAX_NODES)]
     GridSize(usize, usize),
+    /// A matrix could not be analysed or factored.
+    #[error("a matrix could not be factored: {0}")]
+    Factorisation(String),
 }

@@ -1,9 +1,9 @@
 //! One regularised solve of a family of constraints, with the grasp rows travelling along.
 
+use selvedge_cloth::linear::Cholesky;
 use selvedge_math::DVec3;
 
 use crate::Error;
-use crate::linear::Cholesky;
 
 /// The gradients of a family of constraints and the factor of their dual matrix
 /// `S = G A^-1 G^T + c I`, where `A` holds the area share of each node, without density.
@@ -141,7 +141,7 @@ impl Family {
         for &slot in &self.diagonal {
             values[slot as usize] += c;
         }
-        self.cholesky.factor()
+        Ok(self.cholesky.factor()?)
     }
 
     /// One solve: `S d = -C - c lambda`, `lambda += d`, `x += A^-1 G^T d`, the grasp rows included.

@@ -3,7 +3,6 @@
 
 mod constraints;
 mod contact;
-mod linear;
 mod operators;
 mod predictor;
 mod simulator;
@@ -26,12 +25,9 @@ pub enum Error {
         /// What is allowed.
         bound: &'static str,
     },
-    /// The material cannot be used.
+    /// The material cannot be used, or a matrix could not be factored.
     #[error(transparent)]
     Cloth(#[from] selvedge_cloth::Error),
-    /// A matrix could not be factored; the positions are far from any cloth.
-    #[error("a matrix of the cloth could not be factored: {0}")]
-    Factorisation(String),
     /// A position became infinite or not a number.
     #[error("the cloth diverged: node {node} has no finite position")]
     Diverged {

@@ -1,10 +1,10 @@
 //! The unconstrained step: inertia, weight, damping and bending.
 
+use selvedge_cloth::linear::Cholesky;
 use selvedge_cloth::{Grid, Material};
 use selvedge_math::DVec3;
 
 use crate::Error;
-use crate::linear::Cholesky;
 use crate::operators::{self, Rows};
 
 /// Stiffness-proportional damping, as a share of the bending matrix [s].
@@ -52,6 +52,7 @@ impl Predictor {
         let damped = h / 2.0 * STIFFNESS_DAMPING * bending;
         let elastic = h * h / 4.0 * bending;
         let values = self.cholesky.values_mut();
+        values.fill(0.0);
         let mut slots = self.slots.iter();
         let mut k = 0;
         for r in 0..self.areas.len() {
@@ -66,7 +67,7 @@ impl Predictor {
         }
         self.inertia = h * density;
         self.weight = h * h / 2.0 * gravitational_density * g;
-        self.cholesky.factor()
+        Ok(self.cholesky.factor()?)
     }
 
     /// Replaces positions by the prediction.
@@ -82,7 +83,9 @@ impl Predictor {
             self.rhs[n + r] = sum.y;
             self.rhs[2 * n + r] = sum.z;
         }
-        self.cholesky.solve(&mut self.rhs);
+        for coordinate in self.rhs.chunks_exact_mut(n) {
+            self.cholesky.solve(coordinate);
+        }
         for (r, x) in x.iter_mut().enumerate() {
             *x = DVec3::new(self.rhs[r], self.rhs[n + r], self.rhs[2 * n + r]);
         }
