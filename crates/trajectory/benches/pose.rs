@@ -33,10 +33,10 @@ fn poses(c: &mut Criterion) {
         b.iter(|| nlerp.motion(black_box(0.37), 0.6, 0.1, -3.0));
     });
     c.bench_function("command, moving", |b| {
-        b.iter(|| fold.command(black_box(3.1)))
+        b.iter(|| fold.command(black_box(3.1)));
     });
     c.bench_function("command, holding", |b| {
-        b.iter(|| fold.command(black_box(0.5)))
+        b.iter(|| fold.command(black_box(0.5)));
     });
 }
 

@@ -309,11 +309,12 @@ mod tests {
     fn borders_are_kept_to_the_bit() {
         // 0.1 + (0.3 - 0.1) is not 0.3.
         let schedule = fold(0.1, 0.3, 0.7, 0.9).unwrap();
-        assert_eq!(schedule.jaw(0.1_f64.next_down()), Jaw::Open);
+        let before = |t: f64| f64::from_bits(t.to_bits() - 1);
+        assert_eq!(schedule.jaw(before(0.1)), Jaw::Open);
         assert_eq!(schedule.jaw(0.1), Jaw::Closed);
         let start = sweep().pose(0.0);
         assert_eq!(schedule.command(0.3).pose, start);
-        assert_eq!(schedule.jaw(0.7_f64.next_down()), Jaw::Closed);
+        assert_eq!(schedule.jaw(before(0.7)), Jaw::Closed);
         assert_eq!(schedule.jaw(0.7), Jaw::Open);
         assert_eq!(schedule.duration(), 0.9);
     }
