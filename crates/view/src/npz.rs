@@ -10,7 +10,7 @@ use std::io::{self, BufWriter, Read, Seek, Write};
 
 use zip::result::ZipError;
 use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
+use zip::{CompressionMethod, DateTime, System, ZipArchive, ZipWriter};
 
 use crate::Error;
 use crate::error::AnyError;
@@ -74,6 +74,7 @@ impl<W: Write + Seek> NpzWriter<W> {
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Deflated)
             .last_modified_time(DateTime::default()) // 1980-01-01
+            .system(System::Unix) // on every system
             .unix_permissions(0o644);
         self.zip.start_file(format!("{name}.npy"), options)?;
         let mut writer = BufWriter::with_capacity(1 << 16, &mut self.zip);

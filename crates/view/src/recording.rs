@@ -15,6 +15,9 @@ const MAX_LENGTH_ERROR: f64 = 1e-6;
 /// Up to here it is taken as it stands, as [`Pose::from_unit`] does; beyond it is normalised.
 const UNIT: f64 = 1e-9;
 
+/// Bytes of the description, far more than one needs.
+const MAX_META: usize = 1 << 24;
+
 /// What stays the same in every frame: the faces and the shape at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sheet {
@@ -105,6 +108,14 @@ impl Recording {
         if gripper_count > usize::from(u8::MAX) {
             let value = format!("{gripper_count} grippers");
             return Err(Error::value("jaw", value, "255 at most"));
+        }
+        if meta.len() > MAX_META {
+            let value = format!("{} bytes", meta.len());
+            return Err(Error::value(
+                "meta",
+                value,
+                format!("{MAX_META} bytes at most"),
+            ));
         }
         if let Err(error) =
             serde_json::from_str::<serde_json::Map<String, serde_json::Value>>(&meta)
@@ -242,13 +253,12 @@ impl Recording {
         if frames == 0 {
             return Err(no_frame().into());
         }
-        let coordinates = |points: &[DVec3]| {
-            let points = points.to_vec();
-            points.into_iter().flat_map(|p| p.to_array())
-        };
         npz.array("time", &[frames], self.times.iter().copied())?;
-        let positions = self.positions.iter().flat_map(DVec3::to_array);
-        npz.array("positions", &[frames, nodes, 3], positions)?;
+        npz.array(
+            "positions",
+            &[frames, nodes, 3],
+            coordinates(&self.positions),
+        )?;
         let Sheet {
             quads,
             triangles,
@@ -496,6 +506,10 @@ fn check_frame(
     Ok(())
 }
 
+fn coordinates(points: &[DVec3]) -> impl Iterator<Item = f64> {
+    points.iter().flat_map(DVec3::to_array)
+}
+
 fn no_frame() -> Error {
     Error::value("time", "no frame", "one frame at least")
 }
@@ -539,5 +553,486 @@ fn pose(x: &[f64]) -> Option<Pose> {
         Pose::new(position, rotation).ok()
     } else {
         None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+    use std::fs;
+    use std::io::Cursor;
+
+    use super::*;
+
+    const META: &str = r#"{"case": "C4 ✓", "dt": 0.5}"#;
+
+    fn grid() -> Sheet {
+        Sheet {
+            quads: vec![[0, 1, 4, 3], [1, 2, 5, 4]],
+            triangles: vec![],
+            rest: Rest::Grid {
+                nodes: [3, 2],
+                sides: [0.42, 0.59],
+            },
+        }
+    }
+
+    fn state(k: usize, g: usize) -> GripperState {
+        let angle = 0.3 * (k + 7 * g) as f64;
+        let position = DVec3::new(0.1 * k as f64, g as f64, -0.0);
+        let pose = Pose::new(position, DQuat::from_rotation_y(angle)).unwrap();
+        let jaw = if k == 2 { Jaw::Closed } else { Jaw::Open };
+        GripperState {
+            command: Command { pose, jaw },
+            alpha: 0.1 * k as f64,
+        }
+    }
+
+    /// Four frames; in the third the grippers hold a node each.
+    fn recording(sheet: Sheet, gripper_count: usize) -> Recording {
+        let mut run = Recording::new(sheet, gripper_count, META.into()).unwrap();
+        let nodes = run.node_count();
+        for k in 0..4 {
+            let point = |i| DVec3::new(0.1 * i as f64, k as f64 / 3.0, 1e-3 * (i * k) as f64);
+            let positions: Vec<DVec3> = (0..nodes).map(point).collect();
+            let states: Vec<GripperState> = (0..gripper_count).map(|g| state(k, g)).collect();
+            let mut grasped = vec![0; nodes];
+            if k == 2 {
+                (0..gripper_count).for_each(|g| grasped[g] = g as u8 + 1);
+            }
+            run.push(k as f64 / 60.0, &positions, &states, &grasped)
+                .unwrap();
+        }
+        run
+    }
+
+    fn read_bytes(bytes: Vec<u8>) -> Result<Recording, String> {
+        let mut npz = NpzReader::new(Cursor::new(bytes)).map_err(|error| error.to_string())?;
+        Recording::read_arrays(&mut npz).map_err(|error| error.to_string())
+    }
+
+    type Put = Box<dyn Fn(&'static str, &mut NpzWriter<Cursor<Vec<u8>>>)>;
+
+    fn put<T: crate::npz::Element + 'static>(shape: &[usize], values: Vec<T>) -> Put {
+        let shape = shape.to_vec();
+        Box::new(move |name, npz| npz.array(name, &shape, values.clone()).unwrap())
+    }
+
+    /// A file of two frames, three nodes and one triangle, with some arrays changed or left out.
+    fn file(changes: Vec<(&'static str, Option<Put>)>) -> Result<Recording, String> {
+        let poses = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0].repeat(2);
+        let mut arrays: BTreeMap<&'static str, Put> = BTreeMap::from([
+            ("time", put(&[2], vec![0.0, 1.0])),
+            ("positions", put(&[2, 3, 3], vec![0.0; 18])),
+            ("triangles", put(&[1, 3], vec![0_u32, 1, 2])),
+            ("rest", put(&[3, 3], vec![0.5; 9])),
+            ("jaw", put(&[2], vec![0_u8, 1])),
+            ("pose", put(&[2, 7], poses)),
+            ("grasped", put(&[2, 3], vec![0_u8, 0, 0, 1, 0, 0])),
+            ("alpha", put(&[2], vec![0.0, 1.0])),
+            ("meta", put(&[2], b"{}".to_vec())),
+        ]);
+        for (name, change) in changes {
+            match change {
+                Some(change) => arrays.insert(name, change),
+                None => arrays.remove(name),
+            };
+        }
+        let mut npz = NpzWriter::new(Cursor::new(Vec::new()));
+        for (name, put) in arrays {
+            put(name, &mut npz);
+        }
+        read_bytes(npz.finish().unwrap().into_inner())
+    }
+
+    #[test]
+    fn what_is_written_reads_back_and_writes_the_same_bytes() {
+        let folder = tempfile::tempdir().unwrap();
+        let rest = (0..5).map(|k| DVec3::splat(f64::from(k))).collect();
+        let mixed = Sheet {
+            quads: vec![[0, 1, 2, 3]],
+            triangles: vec![[2, 3, 4]],
+            rest: Rest::Positions(rest),
+        };
+        for (sheet, grippers) in [(grid(), 1), (grid(), 0), (mixed, 3)] {
+            let run = recording(sheet, grippers);
+            let (one, two) = (folder.path().join("one.npz"), folder.path().join("two.npz"));
+            run.write(&one).unwrap();
+            let back = Recording::read(&one).unwrap();
+            assert_eq!(back, run);
+            back.write(&two).unwrap();
+            assert_eq!(fs::read(&one).unwrap(), fs::read(&two).unwrap());
+            assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+        }
+    }
+
+    #[test]
+    fn frames_are_where_they_were_put() {
+        let run = recording(grid(), 2);
+        assert_eq!(run.frame_count(), 4);
+        assert_eq!((run.node_count(), run.gripper_count()), (6, 2));
+        assert_eq!(run.times()[3], 0.05);
+        assert_eq!(run.positions(3)[5], DVec3::new(0.5, 1.0, 0.015));
+        assert_eq!(run.grippers(2)[1], state(2, 1));
+        assert_eq!(run.grasped(2), [1, 2, 0, 0, 0, 0]);
+        assert_eq!(run.sheet(), &grid());
+        assert_eq!(run.meta(), META);
+    }
+
+    #[test]
+    fn bad_sheets_are_named() {
+        let refused = |sheet, meta: &str| {
+            let error = Recording::new(sheet, 1, meta.into()).unwrap_err();
+            error.to_string()
+        };
+        let with = |change: fn(&mut Sheet)| {
+            let mut sheet = grid();
+            change(&mut sheet);
+            refused(sheet, "{}")
+        };
+        let with_grid = |nodes, sides| {
+            let rest = Rest::Grid { nodes, sides };
+            refused(Sheet { rest, ..grid() }, "{}")
+        };
+        assert_eq!(
+            with(|sheet| sheet.quads[1][2] = 6),
+            "quads: face 1 has node 6, must be below the node count 6"
+        );
+        assert_eq!(
+            with(|sheet| sheet.triangles.push([0, 1, 9])),
+            "triangles: face 0 has node 9, must be below the node count 6"
+        );
+        assert_eq!(
+            with(|sheet| sheet.quads.clear()),
+            "quads: no face, and none in triangles, must be one face at least"
+        );
+        assert_eq!(
+            with_grid([1 << 16, 1 << 16], [1.0; 2]),
+            "grid: 65536 by 65536, must be of 1 to 2^32 - 1 nodes"
+        );
+        assert_eq!(
+            with_grid([3, 2], [1.0, 0.0]),
+            "sides: [1.0, 0.0] m, must be positive and finite"
+        );
+        assert_eq!(
+            with(|sheet| sheet.rest = Rest::Positions(vec![])),
+            "rest: 0 nodes, must be 1 to 2^32 - 1"
+        );
+        assert_eq!(
+            with(|sheet| sheet.rest = Rest::Positions(vec![DVec3::X, DVec3::NAN])),
+            "rest: node 1 is [NaN, NaN, NaN] m, must be finite"
+        );
+        for meta in ["", "[1]", "{\"a\": }", "{} {}"] {
+            let error = refused(grid(), meta);
+            assert!(error.starts_with("meta: "), "{error}");
+            assert!(error.ends_with("must be a JSON object"), "{error}");
+        }
+        assert_eq!(
+            refused(grid(), &" ".repeat(MAX_META + 1)),
+            "meta: 16777217 bytes, must be 16777216 bytes at most"
+        );
+        let error = Recording::new(grid(), 256, "{}".into()).unwrap_err();
+        assert_eq!(error.to_string(), "jaw: 256 grippers, must be 255 at most");
+    }
+
+    #[test]
+    fn bad_frames_are_named_and_not_added() {
+        let good = recording(grid(), 2);
+        let points = [DVec3::ZERO; 6];
+        let states = [state(2, 0), state(1, 1)];
+        let mut bad_point = points;
+        bad_point[4].y = f64::INFINITY;
+        let mut bad_alpha = states;
+        bad_alpha[1].alpha = 1.5;
+        let mut bad_pose = states;
+        bad_pose[1].command.pose = Pose::from_translation(DVec3::NAN);
+        for (time, points, states, holder, message) in [
+            (
+                f64::NAN,
+                points,
+                states,
+                0,
+                "time: frame 4 is NaN s, must be finite",
+            ),
+            (
+                0.05,
+                points,
+                states,
+                0,
+                "time: frame 4 is 0.05 s after 0.05 s, must be larger than the one before",
+            ),
+            (
+                1.0,
+                bad_point,
+                states,
+                0,
+                "positions: frame 4, node 4 is [0, inf, 0] m, must be finite",
+            ),
+            (
+                1.0,
+                points,
+                bad_alpha,
+                0,
+                "alpha: frame 4, gripper 2 is 1.5, must be in [0, 1]",
+            ),
+            (
+                1.0,
+                points,
+                bad_pose,
+                0,
+                "pose: frame 4, gripper 2 is [NaN, NaN, NaN] m, [0, 0, 0, 1], must be finite",
+            ),
+            (
+                1.0,
+                points,
+                states,
+                2,
+                "grasped: frame 4, node 3 is 2, must be 0 or the number of a closed gripper",
+            ),
+            (
+                1.0,
+                points,
+                states,
+                3,
+                "grasped: frame 4, node 3 is 3, must be 0 or the number of a closed gripper",
+            ),
+        ] {
+            let mut run = good.clone();
+            let error = run.push(time, &points, &states, &[0, 0, 0, holder, 0, 0]);
+            assert_eq!(error.unwrap_err().to_string(), message);
+            assert_eq!(run, good);
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "one position a node")]
+    fn a_wrong_length_is_a_mistake_of_the_caller() {
+        let states = [state(0, 0)];
+        let mut run = recording(grid(), 1);
+        run.push(1.0, &[DVec3::ZERO; 5], &states, &[0; 6]).ok();
+    }
+
+    #[test]
+    fn bad_files_are_named() {
+        assert_eq!(file(vec![]).unwrap().frame_count(), 2);
+        let required = [
+            "time",
+            "positions",
+            "rest",
+            "jaw",
+            "pose",
+            "grasped",
+            "alpha",
+            "meta",
+        ];
+        for name in required {
+            let error = file(vec![(name, None)]).unwrap_err();
+            assert!(error.starts_with(&format!("{name}: ")), "{error}");
+        }
+        let pose = |k: usize, x: f64| {
+            let mut poses = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0].repeat(2);
+            poses[7 + k] = x;
+            put(&[2, 7], poses)
+        };
+        for (name, change, message) in [
+            (
+                "time",
+                put(&[3], vec![0.0, 1.0, 2.0]),
+                "positions: shape is (2, 3, 3), must be (3, 3, 3)",
+            ),
+            (
+                "time",
+                put(&[2], vec![0.0, f64::NAN]),
+                "time: frame 1 is NaN s, must be finite",
+            ),
+            (
+                "time",
+                put(&[2], vec![1.0, 1.0]),
+                "time: frame 1 is 1 s after 1 s, must be larger than the one before",
+            ),
+            (
+                "time",
+                put(&[2], vec![0_u32, 1]),
+                "time: dtype is <u4, must be <f8",
+            ),
+            (
+                "time",
+                put(&[2, 1], vec![0.0, 1.0]),
+                "time: shape is (2, 1), must be (2,)",
+            ),
+            (
+                "positions",
+                put(&[2, 3], vec![0.0; 6]),
+                "positions: shape is (2, 3), must be (2, 3, 3)",
+            ),
+            (
+                "positions",
+                put(&[2, 3, 3], vec![f64::INFINITY; 18]),
+                "positions: frame 0, node 0 is [inf, inf, inf] m, must be finite",
+            ),
+            (
+                "triangles",
+                put(&[1, 3], vec![0_u32, 1, 3]),
+                "triangles: face 0 has node 3, must be below the node count 3",
+            ),
+            (
+                "triangles",
+                put(&[1, 4], vec![0_u32; 4]),
+                "triangles: shape is (1, 4), must be (1, 3)",
+            ),
+            (
+                "triangles",
+                put(&[0, 3], vec![0_u32; 0]),
+                "quads: no face, and none in triangles, must be one face at least",
+            ),
+            (
+                "quads",
+                put(&[1, 4], vec![9_u32; 4]),
+                "quads: face 0 has node 9, must be below the node count 3",
+            ),
+            (
+                "grid",
+                put(&[2], vec![3_u32, 1]),
+                "rest: grid true, sides false, rest true, must be in the file without grid and \
+                 sides, or these two without it",
+            ),
+            (
+                "rest",
+                put(&[2, 3], vec![0.0; 6]),
+                "triangles: face 0 has node 2, must be below the node count 2",
+            ),
+            (
+                "jaw",
+                put(&[2], vec![0_u8, 2]),
+                "jaw: frame 1 is 2, must be 0 or 1",
+            ),
+            (
+                "jaw",
+                put(&[2], vec![0.0, 1.0]),
+                "jaw: dtype is <f8, must be |u1",
+            ),
+            (
+                "jaw",
+                put(&[2, 2], vec![0_u8; 4]),
+                "pose: shape is (2, 7), must be (2, 2, 7)",
+            ),
+            (
+                "jaw",
+                put(&[2, 1, 1], vec![0_u8; 2]),
+                "jaw: shape is [2, 1, 1], must be (T) or (T, G)",
+            ),
+            (
+                "pose",
+                pose(6, 1.1),
+                "pose: frame 1 is [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.1], must be finite, its \
+                 quaternion of length 1 to 1e-6",
+            ),
+            (
+                "pose",
+                pose(0, f64::NAN),
+                "pose: frame 1 is [NaN, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], must be finite, its \
+                 quaternion of length 1 to 1e-6",
+            ),
+            (
+                "grasped",
+                put(&[2, 3], vec![0_u8, 1, 0, 0, 0, 0]),
+                "grasped: frame 0, node 1 is 1, must be 0 or the number of a closed gripper",
+            ),
+            (
+                "grasped",
+                put(&[2, 3], vec![0_u8, 0, 0, 2, 0, 0]),
+                "grasped: frame 1, node 0 is 2, must be 0 or the number of a closed gripper",
+            ),
+            (
+                "alpha",
+                put(&[2], vec![0.0, -0.5]),
+                "alpha: frame 1, gripper 1 is -0.5, must be in [0, 1]",
+            ),
+            (
+                "alpha",
+                put(&[1], vec![0.0]),
+                "alpha: shape is (1,), must be (2,)",
+            ),
+            (
+                "meta",
+                put(&[1], vec![0xff_u8]),
+                "meta: invalid utf-8 sequence of 1 bytes from index 0, must be UTF-8",
+            ),
+            (
+                "meta",
+                put(&[2], b"[]".to_vec()),
+                "meta: invalid type: sequence, expected a map at line 1 column 0, must be a JSON \
+                 object",
+            ),
+        ] {
+            assert_eq!(file(vec![(name, Some(change))]).unwrap_err(), message);
+        }
+        // No frame: every array of frames is empty.
+        let error = file(vec![
+            ("time", Some(put(&[0], vec![0.0; 0]))),
+            ("positions", Some(put(&[0, 3, 3], vec![0.0; 0]))),
+            ("jaw", Some(put(&[0], vec![0_u8; 0]))),
+            ("pose", Some(put(&[0, 7], vec![0.0; 0]))),
+            ("grasped", Some(put(&[0, 3], vec![0_u8; 0]))),
+            ("alpha", Some(put(&[0], vec![0.0; 0]))),
+        ]);
+        assert_eq!(
+            error.unwrap_err(),
+            "time: no frame, must be one frame at least"
+        );
+        // A quaternion of few digits is normalised, another array passed over.
+        let run = file(vec![
+            ("pose", Some(pose(6, 1.0 + 1e-7))),
+            ("note", Some(put(&[1], vec![1.0]))),
+        ]);
+        assert_eq!(run.unwrap().grippers(1)[0].command.pose, Pose::IDENTITY);
+    }
+
+    #[test]
+    fn files_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.npz");
+        let empty = Recording::new(grid(), 1, "{}".into()).unwrap();
+        assert_eq!(
+            empty.write(&path).unwrap_err().to_string(),
+            format!(
+                "{} cannot be written: time: no frame, must be one frame at least",
+                path.display()
+            )
+        );
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        let names_the_file = || {
+            let error = Recording::read(&path).unwrap_err().to_string();
+            assert!(
+                error.starts_with(&format!("{}: ", path.display())),
+                "{error}"
+            );
+        };
+        names_the_file();
+        fs::write(&path, "no archive").unwrap();
+        names_the_file();
+        // Cut anywhere, the file is refused.
+        recording(grid(), 1).write(&path).unwrap();
+        let bytes = fs::read(&path).unwrap();
+        for end in (0..bytes.len()).step_by(7) {
+            fs::write(&path, &bytes[..end]).unwrap();
+            names_the_file();
+        }
+    }
+
+    #[test]
+    fn damage_is_noticed() {
+        let run = recording(grid(), 1);
+        let mut npz = NpzWriter::new(Cursor::new(Vec::new()));
+        run.write_arrays(&mut npz).unwrap();
+        let bytes = npz.finish().unwrap().into_inner();
+        for at in 0..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x41;
+            // Some bytes of a zip carry nothing: what still reads is what was written.
+            if let Ok(back) = read_bytes(damaged) {
+                assert_eq!(back, run, "byte {at}");
+            }
+        }
     }
 }
