@@ -63,6 +63,18 @@ impl Pose {
         })
     }
 
+    /// A pose from a position [m] and a quaternion that is already of unit length, bit for bit: for
+    /// loops that normalise themselves and for poses read back from a file.
+    ///
+    /// Not checked, beyond a debug assertion that the length is 1 to 1e-9.
+    pub fn from_unit(position: DVec3, rotation: DQuat) -> Self {
+        debug_assert!(
+            (rotation.length() - 1.0).abs() <= 1e-9,
+            "quaternion {rotation} must be of unit length"
+        );
+        Self { position, rotation }
+    }
+
     /// A pure translation [m]. Not checked: a coordinate that is not finite stays so.
     pub const fn from_translation(position: DVec3) -> Self {
         Self {
@@ -219,6 +231,19 @@ mod tests {
         }
         let error = Pose::new(DVec3::new(0.0, f64::NAN, 1.0), DQuat::IDENTITY).unwrap_err();
         assert_eq!(error.to_string(), "position (0, NaN, 1) m must be finite");
+    }
+
+    #[test]
+    fn unit_quaternions_keep_their_bits() {
+        let q = DQuat::from_xyzw(0.1, -0.2, 0.05, 0.3).normalize();
+        assert_eq!(Pose::from_unit(DVec3::X, q).rotation(), q);
+    }
+
+    #[cfg(debug_assertions)]
+    #[test]
+    #[should_panic(expected = "unit length")]
+    fn other_lengths_are_a_mistake_of_the_caller() {
+        Pose::from_unit(DVec3::X, DQuat::from_xyzw(0.0, 0.0, 0.0, 1.001));
     }
 
     #[test]
