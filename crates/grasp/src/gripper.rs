@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-use selvedge_math::{Command, DVec3, Held, Jaw};
+use selvedge_math::{Command, DMat3, DVec3, Held, Jaw};
 
 use crate::select::{Rules, Support, select};
 use crate::{ClothView, Error, GraspVolume, Squeeze};
@@ -123,6 +123,7 @@ impl Gripper {
     /// [`Error::TimeStep`]; [`Error::Pose`]; [`Error::HeldNodeGone`] when the cloth has fewer nodes
     /// than at the capture; in a closing step those of [`select`]. The gripper is then as it was
     /// before the call.
+    #[inline]
     pub fn step(
         &mut self,
         command: Command,
@@ -211,7 +212,7 @@ impl Gripper {
 
     /// Checks all that can fail in a step and, when the jaws close, finds the support. Nothing that
     /// can be seen from outside changes.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn prepare(
         &mut self,
         command: &Command,
@@ -276,7 +277,7 @@ impl Gripper {
     }
 
     /// Takes the step that `prepare` has checked.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn commit(
         &mut self,
         command: &Command,
@@ -315,7 +316,7 @@ impl Gripper {
 
         // Targets and velocities
         let position = command.pose.position();
-        let rotation = command.pose.rotation_matrix();
+        let rotation = DMat3::from_quat(command.pose.rotation());
         let per_second = 1.0 / dt;
         for ((target, velocity), &local) in self
             .targets
@@ -330,6 +331,7 @@ impl Gripper {
     }
 
     /// Takes the support over and stores its positions in the gripper frame.
+    #[inline(never)]
     fn capture(&mut self, command: &Command, cloth: ClothView<'_>, anchors: Option<&[DVec3]>) {
         self.jaw = Jaw::Closed;
         self.nodes.extend_from_slice(self.support.nodes());
@@ -353,6 +355,7 @@ impl Gripper {
         };
     }
 
+    #[inline(never)]
     fn release(&mut self) {
         self.jaw = Jaw::Open;
         self.closed_steps = 0;

@@ -72,14 +72,6 @@ impl Support {
         self.nodes.clear();
         self.rules.clear();
     }
-
-    fn add(&mut self, node: u32, set: impl FnOnce(&mut Rules)) {
-        let rules = &mut self.found[node as usize];
-        if *rules == Rules::default() {
-            self.nodes.push(node);
-        }
-        set(rules);
-    }
 }
 
 /// Finds the grasp support of a volume at a pose (eq. `support_union` of the paper):
@@ -146,42 +138,58 @@ fn search(
     let margin = 16.0 * f64::EPSILON * low.abs().max(high.abs());
     let (low, high) = (low - margin, high + margin);
 
-    // Nodes
-    let rotation = pose.rotation_matrix();
-    let p_w = pose.position();
     support.found.resize(positions.len(), Rules::default());
-    support.local.clear();
-    support.local.extend(
+    let Support {
+        nodes,
+        local,
+        codes,
+        found,
+        ..
+    } = support;
+    let mut add = |node: u32, set: fn(&mut Rules)| {
+        let rules = &mut found[node as usize];
+        if *rules == Rules::default() {
+            nodes.push(node);
+        }
+        set(rules);
+    };
+
+    // Nodes
+    let (p_w, rotation) = (pose.position(), pose.rotation_matrix());
+    local.clear();
+    local.extend(
         positions
             .iter()
             .map(|&x_w| rotation.mul_transpose_vec3(x_w - p_w)),
     );
+    let local = &local[..];
     // Zero times an infinity or a NaN is NaN, and one NaN in a sum makes the sum NaN.
     let mut zero = DVec3::ZERO;
-    support.codes.clear();
-    support.codes.extend(support.local.iter().map(|&p_g| {
+    codes.clear();
+    codes.extend(local.iter().map(|&p_g| {
         zero += 0.0 * p_g;
         outcode(p_g, low, high)
     }));
+    let codes = &codes[..];
     if zero.is_nan() {
-        return Err(not_finite(positions, &support.local));
+        return Err(not_finite(positions, local));
     }
-    for node in 0..positions.len() {
-        if support.codes[node] == 0 && volume.contains(support.local[node]) {
-            support.add(node as u32, |rules| rules.node = true);
+    for (node, &code) in codes.iter().enumerate() {
+        if code == 0 && volume.contains(local[node]) {
+            add(node as u32, |rules| rules.node = true);
         }
     }
 
     // Edges
     for (number, edge) in edges.iter().enumerate() {
-        let Some(code) = common_code(&support.codes, edge) else {
+        let Some(code) = common_code(codes, edge) else {
             return Err(out_of_range("edge", number, edge, positions.len()));
         };
         if code == 0 {
-            let [a, b] = edge.map(|node| support.local(node));
+            let [a, b] = edge.map(|node| local[node as usize]);
             if volume.contains((a + b) * 0.5) {
                 for &node in edge {
-                    support.add(node, |rules| rules.edge = true);
+                    add(node, |rules| rules.edge = true);
                 }
             }
         }
@@ -189,27 +197,27 @@ fn search(
 
     // Faces
     for (number, quad) in quads.iter().enumerate() {
-        let Some(code) = common_code(&support.codes, quad) else {
+        let Some(code) = common_code(codes, quad) else {
             return Err(out_of_range("quad", number, quad, positions.len()));
         };
         if code == 0 {
-            let [a, b, c, d] = quad.map(|node| support.local(node));
+            let [a, b, c, d] = quad.map(|node| local[node as usize]);
             if volume.contains(((a + b) + (c + d)) * 0.25) {
                 for &node in quad {
-                    support.add(node, |rules| rules.face = true);
+                    add(node, |rules| rules.face = true);
                 }
             }
         }
     }
     for (number, triangle) in triangles.iter().enumerate() {
-        let Some(code) = common_code(&support.codes, triangle) else {
+        let Some(code) = common_code(codes, triangle) else {
             return Err(out_of_range("triangle", number, triangle, positions.len()));
         };
         if code == 0 {
-            let [a, b, c] = triangle.map(|node| support.local(node));
+            let [a, b, c] = triangle.map(|node| local[node as usize]);
             if volume.contains((a + b + c) / 3.0) {
                 for &node in triangle {
-                    support.add(node, |rules| rules.face = true);
+                    add(node, |rules| rules.face = true);
                 }
             }
         }

@@ -3,13 +3,13 @@
 use selvedge_grasp::{ClothView, DVec3};
 
 /// A grid of quadrilateral cells with its edges.
-pub struct Grid {
+pub(crate) struct Grid {
     /// Node positions [m]: index `j * nx + i`, i along x.
-    pub positions: Vec<DVec3>,
+    pub(crate) positions: Vec<DVec3>,
     /// The two nodes of each edge.
-    pub edges: Vec<[u32; 2]>,
+    pub(crate) edges: Vec<[u32; 2]>,
     /// The four nodes of each cell, one after the other around it.
-    pub quads: Vec<[u32; 4]>,
+    pub(crate) quads: Vec<[u32; 4]>,
 }
 
 impl Grid {
@@ -18,7 +18,7 @@ impl Grid {
         dead_code,
         reason = "not every program that shares this module needs it"
     )]
-    pub fn view(&self) -> ClothView<'_> {
+    pub(crate) fn view(&self) -> ClothView<'_> {
         ClothView {
             positions: &self.positions,
             edges: &self.edges,
@@ -29,7 +29,7 @@ impl Grid {
 }
 
 /// A flat grid of `nx` by `ny` nodes and of the given sides [m], with a corner at the origin.
-pub fn flat([nx, ny]: [u32; 2], sides: [f64; 2]) -> Grid {
+pub(crate) fn flat([nx, ny]: [u32; 2], sides: [f64; 2]) -> Grid {
     let mut grid = Grid {
         positions: Vec::new(),
         edges: Vec::new(),
