@@ -19,37 +19,37 @@ pub enum Error {
     Size {
         /// Which side.
         field: &'static str,
-        /// What was given [m].
+        /// What was given \[m\].
         value: f64,
     },
-    /// The height of a pyramid [m] is zero or not finite.
+    /// The height of a pyramid \[m\] is zero or not finite.
     Height(f64),
-    /// The offset of a volume [m] is not finite.
+    /// The offset of a volume \[m\] is not finite.
     Offset(DVec3),
     /// The squeeze amount is not between 0 and 1.
     Amount(f64),
-    /// The squeeze lift [m] is negative or not finite.
+    /// The squeeze lift \[m\] is negative or not finite.
     Lift(f64),
     /// The squeeze is spread over no steps.
     Steps,
-    /// The time step [s], or its inverse, is not positive and finite.
+    /// The time step \[s\], or its inverse, is not positive and finite.
     TimeStep(f64),
     /// The given `alpha` is not between 0 and 1.
     Alpha(f64),
-    /// The commanded position [m] is not finite.
+    /// The commanded position \[m\] is not finite.
     Pose(DVec3),
     /// The position of a node, or its distance to the gripper, is not finite.
     Position {
         /// The node.
         node: usize,
-        /// Its position [m].
+        /// Its position \[m\].
         position: DVec3,
     },
     /// The anchor of a node that was captured is not finite.
     Anchor {
         /// The node.
         node: u32,
-        /// Its anchor [m].
+        /// Its anchor \[m\].
         position: DVec3,
     },
     /// There is not one anchor a node.

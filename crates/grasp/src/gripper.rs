@@ -41,9 +41,9 @@ pub struct Gripper {
     nodes: Vec<u32>,
     rules: Vec<Rules>,
     refused: Vec<u32>,
-    /// `p0` of each held node [m], gripper frame.
+    /// `p0` of each held node \[m\], gripper frame.
     captured: Vec<DVec3>,
-    /// The squeezed `p0` at `alpha` [m], gripper frame.
+    /// The squeezed `p0` at `alpha` \[m\], gripper frame.
     local: Vec<DVec3>,
     targets: Vec<DVec3>,
     velocities: Vec<DVec3>,
@@ -82,7 +82,7 @@ pub struct Options<'a> {
     /// `alpha` of this step, in [0, 1], in place of the count of [`Squeeze::steps`]. The count goes
     /// on underneath.
     pub alpha: Option<f64>,
-    /// Positions [m], world frame, one a node, from which the captured positions are stored, for
+    /// Positions \[m\], world frame, one a node, from which the captured positions are stored, for
     /// instance filtered measurements. The support is still that of [`ClothView::positions`]. Only
     /// those of captured nodes are read, and only in a closing step.
     pub anchors: Option<&'a [DVec3]>,
@@ -113,7 +113,7 @@ impl Gripper {
         })
     }
 
-    /// Takes one step of `dt` [s] and says where the held nodes must be at its end.
+    /// Takes one step of `dt` \[s\] and says where the held nodes must be at its end.
     ///
     /// `command` holds at the end of the step, `cloth` at its beginning. Velocities are
     /// `(target - previous target) / dt`; in the closing step the node's own position stands for
@@ -189,7 +189,7 @@ impl Gripper {
         &self.rules
     }
 
-    /// Where each held node is asked to be [m], gripper frame: `p_i` at the last step's `alpha`.
+    /// Where each held node is asked to be \[m\], gripper frame: `p_i` at the last step's `alpha`.
     pub fn local(&self) -> &[DVec3] {
         &self.local
     }

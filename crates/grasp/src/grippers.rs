@@ -51,7 +51,7 @@ impl Grippers {
         }
     }
 
-    /// Takes one step of `dt` [s] with one command a gripper, as [`Gripper::step`] does, and gives
+    /// Takes one step of `dt` \[s\] with one command a gripper, as [`Gripper::step`] does, and gives
     /// what all of them hold together.
     ///
     /// # Errors

@@ -14,9 +14,9 @@ use crate::{ClothView, Error};
 pub struct Overstretch {
     /// The nodes, the lower one first.
     pub nodes: [u32; 2],
-    /// The distance between their targets [m].
+    /// The distance between their targets \[m\].
     pub distance: f64,
-    /// What it must not exceed [m]: the factor times the rest distance along the cloth.
+    /// What it must not exceed \[m\]: the factor times the rest distance along the cloth.
     pub bound: f64,
 }
 
@@ -53,7 +53,7 @@ pub struct Guard {
     /// The triangles of each node.
     corners: Lists,
     nodes: Vec<u32>,
-    /// The bound of each pair of `nodes` [m]: (1, 0), (2, 0), (2, 1), (3, 0) ...
+    /// The bound of each pair of `nodes` \[m\]: (1, 0), (2, 0), (2, 1), (3, 0) ...
     bounds: Vec<f64>,
     found: Vec<Overstretch>,
 }
@@ -155,7 +155,7 @@ impl Guard {
         Ok(&self.found)
     }
 
-    /// The distance along the cloth at rest [m] from a node to each of some others; infinite when
+    /// The distance along the cloth at rest \[m\] from a node to each of some others; infinite when
     /// the cloth does not join them.
     fn rest_distances(&self, from: u32, to: &[u32]) -> Vec<f64> {
         let mut distances = vec![f64::INFINITY; to.len()];
@@ -177,7 +177,7 @@ impl Guard {
         distances
     }
 
-    /// Dijkstra's shortest paths [m] over edges, sides and diagonals, from one node to all.
+    /// Dijkstra's shortest paths \[m\] over edges, sides and diagonals, from one node to all.
     fn shortest_paths(&self, from: u32) -> Vec<f64> {
         let mut distances = vec![f64::INFINITY; self.positions.len()];
         distances[from as usize] = 0.0;

@@ -24,7 +24,7 @@ pub struct Rules {
 pub struct Support {
     nodes: Vec<u32>,
     rules: Vec<Rules>,
-    /// Every node of the cloth in the gripper frame [m].
+    /// Every node of the cloth in the gripper frame \[m\].
     local: Vec<DVec3>,
     /// On which sides of the volume's bounding box each node lies, see [`outcode`].
     codes: Vec<u8>,
@@ -43,7 +43,7 @@ impl Support {
         &self.rules
     }
 
-    /// The position [m] of a node in the gripper frame, for the cloth of the last selection.
+    /// The position \[m\] of a node in the gripper frame, for the cloth of the last selection.
     pub(crate) fn local(&self, node: u32) -> DVec3 {
         self.local[node as usize]
     }

@@ -20,7 +20,7 @@ use crate::Error;
 pub struct Squeeze {
     /// `sigma` in [0, 1]: 0 leaves the nodes where they are, 1 draws them all to `x = c_x`.
     pub amount: f64,
-    /// `epsilon >= 0` [m]: the lift along the z of the gripper.
+    /// `epsilon >= 0` \[m\]: the lift along the z of the gripper.
     pub lift: f64,
     /// The closed steps over which `alpha` grows to 1, at least 1.
     ///
@@ -47,12 +47,12 @@ impl Squeeze {
         Ok(())
     }
 
-    /// The local target of a node captured at `p0` [m], gripper frame (eq. `squeeze_target` and
+    /// The local target of a node captured at `p0` \[m\], gripper frame (eq. `squeeze_target` and
     /// `squeeze_interpolation` of the paper):
     ///
     /// `p* = p0 + sigma (c_x - p0_x) e_x + epsilon e_z`, `p = (1 - alpha) p0 + alpha p*`.
     ///
-    /// `centre_x` is `c_x` [m], the x of the volume's offset. Nothing is checked or clamped. The
+    /// `centre_x` is `c_x` \[m\], the x of the volume's offset. Nothing is checked or clamped. The
     /// sum is taken as `p0 + alpha (p* - p0)`, which leaves y as it is to the last bit.
     pub fn squeezed(&self, p0: DVec3, centre_x: f64, alpha: f64) -> DVec3 {
         DVec3::new(

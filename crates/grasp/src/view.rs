@@ -16,7 +16,7 @@ use selvedge_math::DVec3;
 /// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ClothView<'a> {
-    /// Node positions [m], world frame, one a node.
+    /// Node positions \[m\], world frame, one a node.
     pub positions: &'a [DVec3],
     /// The two nodes of each edge.
     pub edges: &'a [[u32; 2]],

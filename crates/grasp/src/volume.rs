@@ -4,7 +4,7 @@ use selvedge_math::DVec3;
 
 use crate::Error;
 
-/// The shape of a grasping volume, in gripper coordinates [m].
+/// The shape of a grasping volume, in gripper coordinates \[m\].
 ///
 /// With the `serde` feature: `{"type": "box", "size": [x, y, z]}` or
 /// `{"type": "pyramid", "side": s, "height": h}`.
@@ -14,7 +14,7 @@ use crate::Error;
 pub enum Shape {
     /// The pinch grasp, eq. `box` of the paper: `|p_r| <= b_r / 2` for `r` in x, y, z.
     Box {
-        /// `b`, the lengths of the sides [m].
+        /// `b`, the lengths of the sides \[m\].
         size: DVec3,
     },
     /// The point grasp, eq. `pyramid` of the paper with a signed height:
@@ -22,9 +22,9 @@ pub enum Shape {
     ///
     /// The paper prints `h > 0`; a negative height turns the apex to the other side of the base.
     Pyramid {
-        /// `s`, the side of the square base [m].
+        /// `s`, the side of the square base \[m\].
         side: f64,
-        /// `h`, the z coordinate of the apex above the base [m]: not zero.
+        /// `h`, the z coordinate of the apex above the base \[m\]: not zero.
         height: f64,
     },
 }
@@ -52,7 +52,7 @@ pub struct GraspVolume {
 }
 
 impl GraspVolume {
-    /// A volume of the given shape, moved by `offset` [m] in the gripper frame.
+    /// A volume of the given shape, moved by `offset` \[m\] in the gripper frame.
     ///
     /// # Errors
     /// [`Error::Size`] unless each side is positive and finite, [`Error::Height`] unless the height
@@ -89,12 +89,12 @@ impl GraspVolume {
         self.shape
     }
 
-    /// The origin of the shape [m], gripper frame. Its x is the squeeze centre `c_x`.
+    /// The origin of the shape \[m\], gripper frame. Its x is the squeeze centre `c_x`.
     pub const fn offset(&self) -> DVec3 {
         self.offset
     }
 
-    /// Whether a point [m] of the gripper frame lies in the volume. The boundary belongs to it; a
+    /// Whether a point \[m\] of the gripper frame lies in the volume. The boundary belongs to it; a
     /// point that is not a number does not.
     pub fn contains(&self, p_g: DVec3) -> bool {
         let p = p_g - self.offset;
@@ -110,7 +110,7 @@ impl GraspVolume {
         }
     }
 
-    /// The lowest and the highest corner [m] of a box around the volume, gripper frame.
+    /// The lowest and the highest corner \[m\] of a box around the volume, gripper frame.
     pub(crate) fn bounds(&self) -> (DVec3, DVec3) {
         let (low, high) = match self.shape {
             Shape::Box { size } => (-0.5 * size, 0.5 * size),
