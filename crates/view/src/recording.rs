@@ -102,7 +102,7 @@ impl Recording {
     ///
     /// # Errors
     /// [`Error::Value`] when there is no face, a face names a node that is not there, the shape at
-    /// rest is empty or not finite, or `meta` is no JSON object.
+    /// rest is empty or not finite, or `meta` is no JSON object or longer than 16 MiB.
     pub fn new(sheet: Sheet, gripper_count: usize, meta: String) -> Result<Self, Error> {
         let node_count = check_sheet(&sheet)?;
         if gripper_count > usize::from(u8::MAX) {
