@@ -72,8 +72,8 @@ impl QuadBezier {
 
 /// `integral of 2 |a + s (b - a)| ds` over `[0, 1]`.
 ///
-/// The derivative runs along the segment from `a` to `b`, of length `L` and mean `m`. Let `r0 = |a|`,
-/// `r1 = |b|`, `R = r0 + r1`, `x` the part of `m` along the segment and `h` the distance of the
+/// The derivative runs along the segment from `a` to `b`, of length `L` and mean `m`. Let
+/// `r0 = |a|`, `r1 = |b|`, `R = r0 + r1`, `x` the part of `m` along the segment and `h` the distance of the
 /// origin from its line. The textbook antiderivative `(x r + h^2 asinh(x/h)) / L` taken between the
 /// ends loses all its digits for small `L`; with `r1 - r0 = 2 L x / R` and
 /// `asinh(x1/h) - asinh(x0/h) = 2 atanh(L/R)` it becomes a sum of terms that are never negative:

@@ -103,59 +103,52 @@ fn shortest(x: f64) -> String {
 }
 
 fn check(log: &Log) -> Result<(), Error> {
-    let refuse = |place: String, field, value: String, bound| {
-        Err(Error::Log {
-            place,
-            field,
-            value,
-            bound,
-        })
-    };
+    let whole = "log to be written";
     for (field, text) in [("frame", &log.frame), ("source", &log.source)] {
         if text.chars().any(char::is_control) {
             let bound = "free of control characters";
-            return refuse(
-                "log to be written".into(),
-                field,
-                format!("{text:?}"),
-                bound,
-            );
+            return Err(refused(whole, field, format!("{text:?}"), bound));
         }
     }
     if log.frame.is_empty() {
-        return refuse(
-            "log to be written".into(),
-            "frame",
-            "empty".into(),
-            "a name",
-        );
+        return Err(refused(whole, "frame", "empty", "a name"));
     }
     if !log.tip_offset.is_finite() {
         let value = log.tip_offset.to_string();
-        return refuse("log to be written".into(), "tip_offset", value, "finite");
+        return Err(refused(whole, "tip_offset", value, "finite"));
     }
     if log.samples.is_empty() {
-        return refuse(
-            "log to be written".into(),
-            "samples",
-            "empty".into(),
-            "one row at least",
-        );
+        return Err(refused(whole, "samples", "empty", "one row at least"));
     }
     let mut previous = f64::NEG_INFINITY;
     for (k, Sample { time, command }) in log.samples.iter().enumerate() {
         let place = || format!("sample {k} to be written");
         if !(*time > previous && time.is_finite()) {
             let value = format!("{time} after {previous}");
-            return refuse(place(), "t", value, "finite and larger than the one before");
+            let bound = "finite and larger than the one before";
+            return Err(refused(place(), "t", value, bound));
         }
         previous = *time;
         let (p, q) = (command.pose.position(), command.pose.rotation());
         if !(p.is_finite() && q.is_finite()) {
-            return refuse(place(), "pose", format!("{p} {q}"), "finite");
+            return Err(refused(place(), "pose", format!("{p} {q}"), "finite"));
         }
     }
     Ok(())
+}
+
+fn refused(
+    place: impl Into<String>,
+    field: &'static str,
+    value: impl Into<String>,
+    bound: &'static str,
+) -> Error {
+    Error::Log {
+        place: place.into(),
+        field,
+        value: value.into(),
+        bound,
+    }
 }
 
 /// Reads a log; `name` stands for it in errors.
@@ -213,7 +206,7 @@ pub fn read(mut reader: impl Read, name: &str) -> Result<Log, Error> {
         log.samples.push(sample);
     }
     if log.samples.is_empty() {
-        return Err(file.refuse(line + 1, "table", "empty".into(), "one row at least"));
+        return Err(file.refuse(line + 1, "table", "empty", "one row at least"));
     }
     Ok(log)
 }
@@ -228,15 +221,10 @@ impl File<'_> {
         &self,
         line: usize,
         field: &'static str,
-        value: String,
+        value: impl Into<String>,
         bound: &'static str,
     ) -> Error {
-        Error::Log {
-            place: format!("{} line {line}", self.name),
-            field,
-            value,
-            bound,
-        }
+        refused(format!("{} line {line}", self.name), field, value, bound)
     }
 
     /// The lines above the table as a log without samples, and the rest of the text.
@@ -256,7 +244,7 @@ impl File<'_> {
         };
         let frame = value(1, "frame", "# frame:", "`# frame: NAME`")?;
         if frame.is_empty() {
-            return Err(self.refuse(2, "frame", "empty".into(), "a name"));
+            return Err(self.refuse(2, "frame", "empty", "a name"));
         }
         let tip = value(
             2,
@@ -363,7 +351,7 @@ mod tests {
         String::from_utf8(bytes).unwrap()
     }
 
-    fn refused(text: &str) -> String {
+    fn error(text: &str) -> String {
         read(text.as_bytes(), "run.csv").unwrap_err().to_string()
     }
 
@@ -401,7 +389,7 @@ mod tests {
         let log = read(row("0.7071068").as_bytes(), "run.csv").unwrap();
         let q = log.samples[0].command.pose.rotation();
         assert!((q.length() - 1.0).abs() < 1e-15);
-        let message = refused(&row("0.70711"));
+        let message = error(&row("0.70711"));
         assert!(
             message.starts_with("run.csv line 6: quaternion is of length 1.00000"),
             "{message}"
@@ -523,7 +511,7 @@ mod tests {
                 &format!("line 6: t is `{}...`, must be a finite number", &long[..60]),
             ),
         ] {
-            assert_eq!(refused(&text), format!("run.csv {message}"));
+            assert_eq!(error(&text), format!("run.csv {message}"));
         }
         let error = read(&b"\xff\xfe"[..], "run.csv").unwrap_err();
         assert_eq!(error.to_string(), "run.csv cannot be read");

@@ -256,7 +256,7 @@ mod tests {
         assert!((sweep.angle() - FRAC_PI_2).abs() < 1e-15);
         let got = sweep.pose(1.0 / 3.0).rotation();
         assert!((got - DQuat::from_rotation_z(FRAC_PI_2 / 3.0)).length() < 1e-15);
-        // Half way both kinds agree, at a third nlerp is behind: tan(phi/2) = s sin w/(1-s+s cos w).
+        // Half way both kinds agree, at a third nlerp is behind.
         let nlerp = turn(DQuat::IDENTITY, quarter, Orientation::Nlerp);
         let half = DQuat::from_rotation_z(FRAC_PI_2 / 2.0);
         assert!((nlerp.pose(0.5).rotation() - half).length() < 1e-15);

@@ -4,8 +4,10 @@
 mod error;
 mod npz;
 mod recording;
+mod sheet;
 mod whole;
 
 pub use error::Error;
-pub use recording::{GripperState, Recording, Rest, Sheet};
+pub use recording::{GripperState, Recording};
+pub use sheet::{Rest, Sheet};
 pub use whole::write_whole;

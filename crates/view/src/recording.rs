@@ -8,6 +8,7 @@ use selvedge_math::{Command, DQuat, DVec3, Jaw, Pose};
 
 use crate::error::AnyError;
 use crate::npz::{NpzReader, NpzWriter};
+use crate::sheet::{Rest, Sheet};
 use crate::{Error, write_whole};
 
 /// How far the length of a quaternion in a file may be from 1.
@@ -17,32 +18,6 @@ const UNIT: f64 = 1e-9;
 
 /// Bytes of the description, far more than one needs.
 const MAX_META: usize = 1 << 24;
-
-/// What stays the same in every frame: the faces and the shape at rest.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Sheet {
-    /// Four nodes a face, in order around it.
-    pub quads: Vec<[u32; 4]>,
-    /// Three nodes a face.
-    pub triangles: Vec<[u32; 3]>,
-    /// The shape at rest.
-    pub rest: Rest,
-}
-
-/// The shape at rest, which also tells how many nodes there are.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Rest {
-    /// A rectangle of `nodes[0]` by `nodes[1]` nodes along x and y, node `(i, j)` at index
-    /// `j * nodes[0] + i`.
-    Grid {
-        /// Nodes along x and along y.
-        nodes: [u32; 2],
-        /// Lengths along x and along y [m].
-        sides: [f64; 2],
-    },
-    /// Any other shape, by its node positions [m].
-    Positions(Vec<DVec3>),
-}
 
 /// One gripper in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,9 +77,9 @@ impl Recording {
     ///
     /// # Errors
     /// [`Error::Value`] when there is no face, a face names a node that is not there, the shape at
-    /// rest is empty or not finite, or `meta` is no JSON object.
+    /// rest is empty or not finite, or `meta` is no JSON object or longer than 16 MiB.
     pub fn new(sheet: Sheet, gripper_count: usize, meta: String) -> Result<Self, Error> {
-        let node_count = check_sheet(&sheet)?;
+        let node_count = sheet.check()?;
         if gripper_count > usize::from(u8::MAX) {
             let value = format!("{gripper_count} grippers");
             return Err(Error::value("jaw", value, "255 at most"));
@@ -405,59 +380,6 @@ impl Recording {
         }
         Ok(recording)
     }
-}
-
-/// Checks a sheet and counts its nodes.
-fn check_sheet(sheet: &Sheet) -> Result<usize, Error> {
-    let node_count = match &sheet.rest {
-        Rest::Grid {
-            nodes: [a, b],
-            sides,
-        } => {
-            let Some(count) = a.checked_mul(*b).filter(|&count| count > 0) else {
-                let bound = "of 1 to 2^32 - 1 nodes";
-                return Err(Error::value("grid", format!("{a} by {b}"), bound));
-            };
-            if !sides.iter().all(|side| *side > 0.0 && side.is_finite()) {
-                let value = format!("{sides:?} m");
-                return Err(Error::value("sides", value, "positive and finite"));
-            }
-            count as usize
-        }
-        Rest::Positions(rest) => {
-            if let Some(node) = rest.iter().position(|p| !p.is_finite()) {
-                let value = format!("node {node} is {} m", rest[node]);
-                return Err(Error::value("rest", value, "finite"));
-            }
-            if rest.is_empty() || u32::try_from(rest.len()).is_err() {
-                let value = format!("{} nodes", rest.len());
-                return Err(Error::value("rest", value, "1 to 2^32 - 1"));
-            }
-            rest.len()
-        }
-    };
-    let corners = |array, face: usize, nodes: &[u32]| match nodes
-        .iter()
-        .find(|&&node| node as usize >= node_count)
-    {
-        Some(node) => {
-            let value = format!("face {face} has node {node}");
-            let bound = format!("below the node count {node_count}");
-            Err(Error::value(array, value, bound))
-        }
-        None => Ok(()),
-    };
-    for (k, quad) in sheet.quads.iter().enumerate() {
-        corners("quads", k, quad)?;
-    }
-    for (k, triangle) in sheet.triangles.iter().enumerate() {
-        corners("triangles", k, triangle)?;
-    }
-    if sheet.quads.is_empty() && sheet.triangles.is_empty() {
-        let value = "no face, and none in triangles";
-        return Err(Error::value("quads", value, "one face at least"));
-    }
-    Ok(node_count)
 }
 
 fn check_frame(
