@@ -51,7 +51,9 @@ static STOP: AtomicBool = AtomicBool::new(false);
 const INTERRUPTED: u8 = 130;
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("xtask has no parent")?;
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .context("xtask has no parent")?;
     let default = root.join("fixtures/scenarios/corner_fold.toml");
     let path = arguments.scenario.as_ref().unwrap_or(&default);
     let scenario = Scenario::load(path)?;
@@ -64,9 +66,10 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
             SolverName::Published => Solver::Published,
         },
         out: out.unwrap_or_else(|| target.join("experiments").join(&scenario.name)),
-        jobs: arguments
-            .jobs
-            .map_or_else(|| available_parallelism().map_or(1, |n| n.get()), |n| n.get()),
+        jobs: arguments.jobs.map_or_else(
+            || available_parallelism().map_or(1, |n| n.get()),
+            |n| n.get(),
+        ),
     };
     ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)).context("Ctrl-C")?;
 
@@ -86,14 +89,23 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
             Ok(ExitCode::from(if result.complete() { 0 } else { 2 }))
         }
         Err(Error::Stopped) => {
-            eprintln!("stopped; the files of finished cases are in {}", options.out.display());
+            eprintln!(
+                "stopped; the files of finished cases are in {}",
+                options.out.display()
+            );
             Ok(ExitCode::from(INTERRUPTED))
         }
         Err(error) => Err(error.into()),
     }
 }
 
-fn report(result: &Experiment, expected: &Expected, options: &Options, start: Instant, quiet: bool) {
+fn report(
+    result: &Experiment,
+    expected: &Expected,
+    options: &Options,
+    start: Instant,
+    quiet: bool,
+) {
     println!("{}", terminal(&result.rows));
     for (row, _) in &result.rows {
         if let Ok(measured) = &row.outcome {
@@ -102,7 +114,10 @@ fn report(result: &Experiment, expected: &Expected, options: &Options, start: In
                 println!("{}: {n} steps ended at the iteration limit", row.case);
             }
             if measured.overstretched {
-                println!("{}: held nodes were pulled further apart than the cloth is long", row.case);
+                println!(
+                    "{}: held nodes were pulled further apart than the cloth is long",
+                    row.case
+                );
             }
         }
     }
@@ -130,11 +145,17 @@ impl Progress {
             bars.set_draw_target(ProgressDrawTarget::hidden());
         }
         let lines = !quiet && !std::io::stderr().is_terminal();
-        Self { bars, running: Mutex::default(), lines }
+        Self {
+            bars,
+            running: Mutex::default(),
+            lines,
+        }
     }
 
     fn show(&self, event: Event<'_>) {
-        let Ok(mut running) = self.running.lock() else { return };
+        let Ok(mut running) = self.running.lock() else {
+            return;
+        };
         match event {
             Event::Started { case, steps } => {
                 let bar = self.bars.add(ProgressBar::new(steps as u64));

@@ -141,7 +141,11 @@ fn chosen<'a>(scenario: &'a Scenario, names: &[String]) -> Result<Vec<&'a Case>,
     let mut wanted: Vec<&str> = Vec::new();
     for name in names {
         let Some(case) = scenario.case(name) else {
-            let known: Vec<&str> = scenario.cases.iter().map(|case| case.name.as_str()).collect();
+            let known: Vec<&str> = scenario
+                .cases
+                .iter()
+                .map(|case| case.name.as_str())
+                .collect();
             return Err(Error::UnknownCase {
                 file: scenario.name.clone(),
                 name: name.clone(),
@@ -163,7 +167,12 @@ fn run_case(
     observe: &(dyn Fn(Event<'_>) -> ControlFlow<()> + Sync),
 ) -> Result<Run, Error> {
     let name = case.name.as_str();
-    if observe(Event::Started { case: name, steps: scenario.steps }).is_break() {
+    if observe(Event::Started {
+        case: name,
+        steps: scenario.steps,
+    })
+    .is_break()
+    {
         return Err(Error::Stopped);
     }
     files::write_commands(folder, scenario, case)?;
@@ -173,8 +182,15 @@ fn run_case(
         run.recording.write(folder.join(format!("{name}.npz")))?;
     }
     let failure = result.as_ref().err().map(Error::to_string);
-    let told = observe(Event::Finished { case: name, failure: failure.as_deref() });
-    if told.is_break() { Err(Error::Stopped) } else { result }
+    let told = observe(Event::Finished {
+        case: name,
+        failure: failure.as_deref(),
+    });
+    if told.is_break() {
+        Err(Error::Stopped)
+    } else {
+        result
+    }
 }
 
 fn compare(
@@ -188,7 +204,12 @@ fn compare(
     let rows = cases.iter().zip(runs).map(|(case, result)| {
         let measured = result.as_ref().map_err(String::clone).map(|run| {
             let end = last_positions(run);
-            let mut support: Vec<u32> = run.support.iter().flatten().map(|&(node, _)| node).collect();
+            let mut support: Vec<u32> = run
+                .support
+                .iter()
+                .flatten()
+                .map(|&(node, _)| node)
+                .collect();
             support.sort_unstable();
             let reference = reference_of(case, cases, runs, &ideal);
             Measured {
@@ -205,7 +226,9 @@ fn compare(
         let timing = result.as_ref().ok().map(|run| run.timing);
         (Row::new(case, expected, measured), timing)
     });
-    Experiment { rows: rows.collect() }
+    Experiment {
+        rows: rows.collect(),
+    }
 }
 
 fn last_positions(run: &Run) -> &[DVec3] {
@@ -219,7 +242,9 @@ fn reference_of<'a>(
     runs: &'a [Result<Run, String>],
     ideal: &'a [DVec3],
 ) -> Option<&'a [DVec3]> {
-    let Some(name) = &case.reference else { return Some(ideal) };
+    let Some(name) = &case.reference else {
+        return Some(ideal);
+    };
     let index = cases.iter().position(|other| other.name == *name)?;
     runs[index].as_ref().ok().map(last_positions)
 }
@@ -239,7 +264,10 @@ fn curves(
         };
         let recording = &run.recording;
         let points = recording.times().iter().enumerate().map(|(row, &time)| {
-            (time, fold_error(recording.positions(row), reference, diagonal))
+            (
+                time,
+                fold_error(recording.positions(row), reference, diagonal),
+            )
         });
         curves.push((case.name.clone(), points.collect()));
     }

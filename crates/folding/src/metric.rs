@@ -20,7 +20,11 @@ use selvedge_math::DVec3;
 pub fn fold_error(positions: &[DVec3], reference: &[DVec3], diagonal: f64) -> f64 {
     assert_eq!(positions.len(), reference.len(), "one reference a node");
     assert!(!positions.is_empty(), "at least one node");
-    let sum: f64 = positions.iter().zip(reference).map(|(p, r)| p.distance_squared(*r)).sum();
+    let sum: f64 = positions
+        .iter()
+        .zip(reference)
+        .map(|(p, r)| p.distance_squared(*r))
+        .sum();
     (sum / positions.len() as f64).sqrt() / diagonal
 }
 

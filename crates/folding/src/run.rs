@@ -73,13 +73,21 @@ pub fn run(
     let mesh = &scenario.mesh;
     let mut guard = Guard::new(view(scenario, mesh.rest()), SLACK)
         .map_err(|source| Error::Gripper { time: 0.0, source })?;
-    let mut grippers = Grippers::new(case.grippers.iter().map(|plan| plan.gripper.clone()).collect());
+    let mut grippers = Grippers::new(
+        case.grippers
+            .iter()
+            .map(|plan| plan.gripper.clone())
+            .collect(),
+    );
     let mut recording = new_recording(scenario, case, solver)?;
     let mut commands: Vec<Command> = commands_at(case, 0.0).collect();
     let mut states: Vec<GripperState> = Vec::with_capacity(commands.len());
     let mut holder = vec![0u8; mesh.node_count()];
     let open = commands.iter().map(|command| GripperState {
-        command: Command { jaw: Default::default(), ..*command },
+        command: Command {
+            jaw: Default::default(),
+            ..*command
+        },
         alpha: 0.0,
     });
     states.extend(open);
@@ -114,11 +122,21 @@ pub fn run(
             true => solver.anchors(scenario, cloth.positions()),
             false => None,
         };
-        let options = Options { anchors: anchors.as_deref(), ..Options::default() };
+        let options = Options {
+            anchors: anchors.as_deref(),
+            ..Options::default()
+        };
         let held = grippers
-            .step_with(&commands, scenario.frame, view(scenario, cloth.positions()), options)
+            .step_with(
+                &commands,
+                scenario.frame,
+                view(scenario, cloth.positions()),
+                options,
+            )
             .map_err(|source| Error::Gripper { time, source })?;
-        let over = guard.check(held).map_err(|source| Error::Gripper { time, source })?;
+        let over = guard
+            .check(held)
+            .map_err(|source| Error::Gripper { time, source })?;
         result.overstretch = result.overstretch.or(over.first().copied());
 
         // Cloth
@@ -134,7 +152,13 @@ pub fn run(
         for (number, (gripper, command)) in grippers.grippers().iter().zip(&commands).enumerate() {
             match gripper.event() {
                 Event::Empty => {
-                    return Err(nothing_grasped(scenario, case, number, time, cloth.positions()));
+                    return Err(nothing_grasped(
+                        scenario,
+                        case,
+                        number,
+                        time,
+                        cloth.positions(),
+                    ));
                 }
                 Event::Captured => {
                     let nodes = gripper.nodes().iter().copied();
@@ -146,11 +170,16 @@ pub fn run(
                 holder[node as usize] = number as u8 + 1;
                 exempt_until[node as usize] = time + RECOVERY;
             }
-            states.push(GripperState { command: *command, alpha: gripper.alpha() });
+            states.push(GripperState {
+                command: *command,
+                alpha: gripper.alpha(),
+            });
         }
         let positions = cloth.positions();
         let row_time = scenario.time(step + 1);
-        result.recording.push(row_time, positions, &states, &holder)?;
+        result
+            .recording
+            .push(row_time, positions, &states, &holder)?;
         let counts = |edge: [u32; 2]| edge.iter().any(|&node| exempt_until[node as usize] < time);
         let (largest, rms) = edge_strain(mesh, positions, counts);
         result.strain_max = result.strain_max.max(largest);
@@ -179,11 +208,18 @@ pub fn run(
 /// The cloth as the grippers see it.
 fn view<'a>(scenario: &'a Scenario, positions: &'a [DVec3]) -> ClothView<'a> {
     let mesh = &scenario.mesh;
-    ClothView { positions, edges: mesh.edges(), quads: mesh.quads(), triangles: &[] }
+    ClothView {
+        positions,
+        edges: mesh.edges(),
+        quads: mesh.quads(),
+        triangles: &[],
+    }
 }
 
 fn commands_at(case: &Case, time: f64) -> impl Iterator<Item = Command> {
-    case.grippers.iter().map(move |plan| plan.schedule.command(time))
+    case.grippers
+        .iter()
+        .map(move |plan| plan.schedule.command(time))
 }
 
 fn new_recording(scenario: &Scenario, case: &Case, solver: Solver) -> Result<Recording, Error> {
@@ -191,7 +227,10 @@ fn new_recording(scenario: &Scenario, case: &Case, solver: Solver) -> Result<Rec
     let sheet = Sheet {
         quads: scenario.mesh.quads().to_vec(),
         triangles: Vec::new(),
-        rest: Rest::Grid { nodes: grid.nodes.map(|n| n as u32), sides: grid.sides },
+        rest: Rest::Grid {
+            nodes: grid.nodes.map(|n| n as u32),
+            sides: grid.sides,
+        },
     };
     let meta = serde_json::json!({
         "scenario": scenario.name,
@@ -204,7 +243,11 @@ fn new_recording(scenario: &Scenario, case: &Case, solver: Solver) -> Result<Rec
         "settings": scenario.published,
         "input_sha256": case.input_hash,
     });
-    Ok(Recording::new(sheet, case.grippers.len(), meta.to_string())?)
+    Ok(Recording::new(
+        sheet,
+        case.grippers.len(),
+        meta.to_string(),
+    )?)
 }
 
 fn nothing_grasped(
@@ -222,18 +265,31 @@ fn nothing_grasped(
         .enumerate()
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .unwrap_or((scenario.mesh.node_count(), f64::INFINITY));
-    Error::Empty { gripper: number + 1, time, nearest: nearest.0, distance: nearest.1 }
+    Error::Empty {
+        gripper: number + 1,
+        time,
+        nearest: nearest.0,
+        distance: nearest.1,
+    }
 }
 
 /// Plays the grippers' part of a run again, without the cloth, often enough for a clock.
 fn time_gripper(scenario: &Scenario, case: &Case, recording: &Recording) -> Result<Timing, Error> {
     const REPEATS: u32 = 20;
-    let mut grippers = Grippers::new(case.grippers.iter().map(|plan| plan.gripper.clone()).collect());
+    let mut grippers = Grippers::new(
+        case.grippers
+            .iter()
+            .map(|plan| plan.gripper.clone())
+            .collect(),
+    );
     let mut commands: Vec<Command> = Vec::with_capacity(case.grippers.len());
     let (mut closing, mut closings) = (Duration::ZERO, 0);
     let (mut carrying, mut carried) = (Duration::ZERO, 0);
     let failed = |step| {
-        move |source| Error::Gripper { time: scenario.time(step), source }
+        move |source| Error::Gripper {
+            time: scenario.time(step),
+            source,
+        }
     };
     for _ in 0..REPEATS {
         grippers.reset();
@@ -249,7 +305,11 @@ fn time_gripper(scenario: &Scenario, case: &Case, recording: &Recording) -> Resu
             let cloth = view(scenario, recording.positions(step));
             if closes {
                 let before = Instant::now();
-                black_box(grippers.step(&commands, scenario.frame, cloth).map_err(failed(step))?);
+                black_box(
+                    grippers
+                        .step(&commands, scenario.frame, cloth)
+                        .map_err(failed(step))?,
+                );
                 closing += before.elapsed();
                 closings += 1;
                 step += 1;
@@ -257,9 +317,13 @@ fn time_gripper(scenario: &Scenario, case: &Case, recording: &Recording) -> Resu
                 let first = step;
                 let closed = |step: &usize| {
                     let jaws = case.grippers.iter().map(|plan| &plan.schedule);
-                    jaws.into_iter().all(|jaw| jaw.jaw(scenario.time(*step)).is_closed())
+                    jaws.into_iter()
+                        .all(|jaw| jaw.jaw(scenario.time(*step)).is_closed())
                 };
-                let last = (first..scenario.steps).take_while(closed).last().unwrap_or(first);
+                let last = (first..scenario.steps)
+                    .take_while(closed)
+                    .last()
+                    .unwrap_or(first);
                 let before = Instant::now();
                 while step <= last && step < scenario.steps {
                     commands.clear();
@@ -271,7 +335,9 @@ fn time_gripper(scenario: &Scenario, case: &Case, recording: &Recording) -> Resu
                 carrying += before.elapsed();
                 carried += (step - first) as u32;
             } else {
-                grippers.step(&commands, scenario.frame, cloth).map_err(failed(step))?;
+                grippers
+                    .step(&commands, scenario.frame, cloth)
+                    .map_err(failed(step))?;
                 step += 1;
             }
         }

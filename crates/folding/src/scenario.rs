@@ -64,8 +64,10 @@ impl Scenario {
     /// [`Error::File`], [`Error::Syntax`] or [`Error::Value`], each naming the file and the key.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| Error::File { path: path.to_owned(), source })?;
+        let text = std::fs::read_to_string(path).map_err(|source| Error::File {
+            path: path.to_owned(),
+            source,
+        })?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         Self::parse(&text, &stem, &path.display().to_string())
     }
@@ -272,7 +274,12 @@ struct Check<'a> {
 }
 
 impl Check<'_> {
-    fn value(&self, key: impl Into<String>, value: impl ToString, bound: impl Into<String>) -> Error {
+    fn value(
+        &self,
+        key: impl Into<String>,
+        value: impl ToString,
+        bound: impl Into<String>,
+    ) -> Error {
         Error::Value {
             file: self.file.to_owned(),
             key: key.into(),
@@ -307,7 +314,11 @@ impl Check<'_> {
     fn rotation(&self, key: &str, value: [f64; 4]) -> Result<DQuat, Error> {
         let pose = Pose::new(DVec3::ZERO, DQuat::from_array(value));
         pose.map(|pose| pose.rotation()).map_err(|_| {
-            self.value(key, format!("{value:?}"), "a quaternion x y z w, finite and not zero")
+            self.value(
+                key,
+                format!("{value:?}"),
+                "a quaternion x y z w, finite and not zero",
+            )
         })
     }
 }
@@ -324,7 +335,10 @@ impl File {
         }
         let mesh = self.cloth.mesh(check)?;
         let material = self.cloth.material(check)?;
-        let published = self.solver.published.settings(self.cloth.gravity_m_per_s2, check)?;
+        let published = self
+            .solver
+            .published
+            .settings(self.cloth.gravity_m_per_s2, check)?;
         let steps = self.time.steps(check)?;
         self.path.check(check)?;
         self.squeeze.check(check)?;
@@ -333,7 +347,13 @@ impl File {
         }
         let mut cases = Vec::with_capacity(self.case.len());
         for case in &self.case {
-            if self.case.iter().filter(|other| other.name == case.name).count() > 1 {
+            if self
+                .case
+                .iter()
+                .filter(|other| other.name == case.name)
+                .count()
+                > 1
+            {
                 return Err(check.value("case.name", &case.name, "the name of one case only"));
             }
             cases.push(self.case(case, &mesh, check)?);
@@ -359,7 +379,11 @@ impl File {
         if let Some(reference) = &case.reference
             && !self.case.iter().any(|other| other.name == *reference)
         {
-            return Err(check.value(format!("case {name}: reference"), reference, "a case's name"));
+            return Err(check.value(
+                format!("case {name}: reference"),
+                reference,
+                "a case's name",
+            ));
         }
         let tables = case.grippers(check)?;
         let several = tables.len() > 1;
@@ -404,8 +428,11 @@ impl File {
         // An inextensible sheet follows a corner at most so far without being dragged.
         let reach = mesh.as_grid().diagonal();
         for (name, point) in [("start_offset_m", start), ("mid_m", mid), ("end_m", end)] {
-            let distance =
-                mesh.rest().iter().map(|p| p.distance(point)).fold(f64::INFINITY, f64::min);
+            let distance = mesh
+                .rest()
+                .iter()
+                .map(|p| p.distance(point))
+                .fold(f64::INFINITY, f64::min);
             if distance > reach {
                 let bound = format!(
                     "within the sheet's diagonal, {reach:.4} m, of a node (it is {distance:.4} m \
@@ -415,10 +442,19 @@ impl File {
             }
         }
         let (shape, size_key) = match table.volume {
-            VolumeTable::Box { size_m } => (Shape::Box { size: size_m.into() }, "volume.size_m"),
-            VolumeTable::Pyramid { side_m, height_m } => {
-                (Shape::Pyramid { side: side_m, height: height_m }, "volume")
-            }
+            VolumeTable::Box { size_m } => (
+                Shape::Box {
+                    size: size_m.into(),
+                },
+                "volume.size_m",
+            ),
+            VolumeTable::Pyramid { side_m, height_m } => (
+                Shape::Pyramid {
+                    side: side_m,
+                    height: height_m,
+                },
+                "volume",
+            ),
         };
         let refused = |error: selvedge_grasp::Error| Error::Syntax {
             file: check.file.to_owned(),
@@ -435,7 +471,11 @@ impl File {
             TipConvention::Rigid => (DVec3::ZERO, tip_offset),
             TipConvention::Published => (tip_offset, DVec3::ZERO),
         };
-        let path = QuadBezier { start: start - shift, mid: mid - shift, end: end - shift };
+        let path = QuadBezier {
+            start: start - shift,
+            mid: mid - shift,
+            end: end - shift,
+        };
         let orientation = match self.path.orientation {
             OrientationKey::Slerp => Orientation::Slerp,
             OrientationKey::Nlerp => Orientation::Nlerp,
@@ -446,8 +486,19 @@ impl File {
             LawKey::Cubic => Law::Cubic,
             LawKey::Quintic => Law::Quintic,
         };
-        let TimeTable { close_s, move_s, open_s, end_s, .. } = self.time;
-        let times = FoldTimes { close: close_s, start: move_s, open: open_s, end: end_s };
+        let TimeTable {
+            close_s,
+            move_s,
+            open_s,
+            end_s,
+            ..
+        } = self.time;
+        let times = FoldTimes {
+            close: close_s,
+            start: move_s,
+            open: open_s,
+            end: end_s,
+        };
         Ok(GripperPlan {
             gripper,
             rotation: sweep.angle(),
@@ -458,10 +509,19 @@ impl File {
 
     /// Over what the case depends on, in the order of the file, numbers in shortest form.
     fn hash(&self, case: &CaseTable) -> String {
-        let inputs =
-            (&self.cloth, &self.solver.published, &self.time, &self.path, &self.squeeze, case);
+        let inputs = (
+            &self.cloth,
+            &self.solver.published,
+            &self.time,
+            &self.path,
+            &self.squeeze,
+            case,
+        );
         let text = serde_json::to_string(&inputs).unwrap_or_default();
-        Sha256::digest(text).iter().map(|byte| format!("{byte:02x}")).collect()
+        Sha256::digest(text)
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect()
     }
 }
 
@@ -478,15 +538,22 @@ impl ClothTable {
             let bound = format!("at least 2 each and at most {MAX_NODES} in all");
             return Err(check.value("cloth.nodes", format!("[{na}, {nb}]"), bound));
         }
-        Mesh::grid(self.nodes, self.sides_m)
-            .map_err(|error| Error::Syntax { file: check.file.to_owned(), message: error.to_string() })
+        Mesh::grid(self.nodes, self.sides_m).map_err(|error| Error::Syntax {
+            file: check.file.to_owned(),
+            message: error.to_string(),
+        })
     }
 
     fn material(&self, check: &Check<'_>) -> Result<Material, Error> {
         check.above("cloth.density_kg_per_m2", self.density_kg_per_m2, 0.0, 1e3)?;
         let delta = self.gravitational_density_kg_per_m2;
         check.above("cloth.gravitational_density_kg_per_m2", delta, 0.0, 1e3)?;
-        check.within("cloth.damping_kg_per_m2_s", self.damping_kg_per_m2_s, 0.0, 1e6)?;
+        check.within(
+            "cloth.damping_kg_per_m2_s",
+            self.damping_kg_per_m2_s,
+            0.0,
+            1e6,
+        )?;
         check.within("cloth.bending_n_m", self.bending_n_m, 0.0, 1e3)?;
         check.within("cloth.friction_table", self.friction_table, 0.0, 1e3)?;
         check.within("cloth.friction_cloth", self.friction_cloth, 0.0, 1e3)?;
@@ -526,7 +593,14 @@ impl PublishedTable {
 
 impl TimeTable {
     fn steps(&self, check: &Check<'_>) -> Result<usize, Error> {
-        let Self { frame_s, close_s, move_s, open_s, end_s, .. } = *self;
+        let Self {
+            frame_s,
+            close_s,
+            move_s,
+            open_s,
+            end_s,
+            ..
+        } = *self;
         check.above("time.frame_s", frame_s, 0.0, 1.0)?;
         let ordered = [
             ("time.close_s", close_s, 0.0, "0, the start"),
@@ -619,8 +693,11 @@ impl CaseTable {
                 end_m: None,
             }]),
             _ => {
-                let missing: Vec<&str> =
-                    own_keys.iter().filter(|(_, given)| !given).map(|(key, _)| *key).collect();
+                let missing: Vec<&str> = own_keys
+                    .iter()
+                    .filter(|(_, given)| !given)
+                    .map(|(key, _)| *key)
+                    .collect();
                 Err(check.value(place, format!("without {}", missing.join(", ")), "complete"))
             }
         }
@@ -629,6 +706,9 @@ impl CaseTable {
 
 impl GripperTable {
     fn copied(&self) -> Self {
-        Self { volume: self.volume.clone(), ..*self }
+        Self {
+            volume: self.volume.clone(),
+            ..*self
+        }
     }
 }

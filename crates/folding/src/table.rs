@@ -83,7 +83,11 @@ impl Row {
     pub(crate) fn new(case: &Case, expected: &Expected, outcome: Result<Measured, String>) -> Self {
         Self {
             case: case.name.clone(),
-            volumes: case.grippers.iter().map(|plan| plan.gripper.volume().shape()).collect(),
+            volumes: case
+                .grippers
+                .iter()
+                .map(|plan| plan.gripper.volume().shape())
+                .collect(),
             rotations: case.grippers.iter().map(|plan| plan.rotation).collect(),
             published: expected.error.get(&case.name).copied(),
             outcome,
@@ -100,7 +104,11 @@ impl Row {
             Shape::Box { .. } => "box",
             Shape::Pyramid { .. } => "pyramid",
         };
-        self.volumes.iter().map(name).collect::<Vec<_>>().join(" + ")
+        self.volumes
+            .iter()
+            .map(name)
+            .collect::<Vec<_>>()
+            .join(" + ")
     }
 
     fn orientation(&self) -> String {
@@ -108,7 +116,11 @@ impl Row {
             true => "kept".to_owned(),
             false => format!("turns {:.0} deg", angle.to_degrees()),
         };
-        self.rotations.iter().map(name).collect::<Vec<_>>().join(" + ")
+        self.rotations
+            .iter()
+            .map(name)
+            .collect::<Vec<_>>()
+            .join(" + ")
     }
 }
 
@@ -139,7 +151,13 @@ pub(crate) fn write_csv(rows: &[Row], writer: impl Write) -> Result<(), csv::Err
         let field = |f: &dyn Fn(&Measured) -> String| measured.map(f).unwrap_or_default();
         csv.write_record([
             row.case.clone(),
-            field(&|m| m.support.iter().map(u32::to_string).collect::<Vec<_>>().join(" ")),
+            field(&|m| {
+                m.support
+                    .iter()
+                    .map(u32::to_string)
+                    .collect::<Vec<_>>()
+                    .join(" ")
+            }),
             row.volume(),
             row.orientation(),
             number(row.published),
@@ -220,7 +238,14 @@ fn start(times: bool) -> Table {
     let mut table = Table::new();
     table.load_style(presets::ASCII_MARKDOWN);
     let mut header = vec![
-        "Case", "Support", "Volume", "Orientation", "Paper", "Ours", "Difference", "Half fold",
+        "Case",
+        "Support",
+        "Volume",
+        "Orientation",
+        "Paper",
+        "Ours",
+        "Difference",
+        "Half fold",
         "Strain",
     ];
     if times {
@@ -243,10 +268,17 @@ fn cells(row: &Row) -> Vec<String> {
         Ok(measured) => {
             let number = measured.support.len();
             let plural = if number == 1 { "node" } else { "nodes" };
-            cells.push(format!("{number} {plural}: {}", node_list(&measured.support)));
+            cells.push(format!(
+                "{number} {plural}: {}",
+                node_list(&measured.support)
+            ));
             cells.extend([row.volume(), row.orientation()]);
             cells.extend([error(row.published), error(measured.error)]);
-            cells.push(row.difference().map(|d| format!("{d:+.1e}")).unwrap_or("-".to_owned()));
+            cells.push(
+                row.difference()
+                    .map(|d| format!("{d:+.1e}"))
+                    .unwrap_or("-".to_owned()),
+            );
             cells.push(format!("{:.4}", measured.half_fold_error));
             cells.push(format!("{:.2} %", measured.strain[0] * 100.0));
         }

@@ -40,7 +40,8 @@ impl Chart<'_> {
     /// [`Error::Draw`] when the chart cannot be drawn.
     pub fn svg(&self) -> Result<String, Error> {
         let mut text = String::new();
-        self.draw(&mut text).map_err(|error| Error::Draw(error.to_string()))?;
+        self.draw(&mut text)
+            .map_err(|error| Error::Draw(error.to_string()))?;
         Ok(text)
     }
 
@@ -48,7 +49,10 @@ impl Chart<'_> {
         let points = || self.series.iter().flat_map(|(_, points)| points);
         let x_end = points().map(|p| p.0).fold(1e-3, f64::max);
         let y_end = points().map(|p| p.1).fold(f64::MIN_POSITIVE, f64::max);
-        let lowest = points().map(|p| p.1).filter(|y| *y > 0.0).fold(y_end, f64::min);
+        let lowest = points()
+            .map(|p| p.1)
+            .filter(|y| *y > 0.0)
+            .fold(y_end, f64::min);
         let top = y_end.log10().ceil() as i32;
         let bottom = (lowest.log10().floor() as i32).clamp(top - DECADES, top - 1);
         let floor = 10f64.powi(bottom);
@@ -98,10 +102,18 @@ mod tests {
     #[test]
     fn draws_every_line_and_leaves_out_zeros() {
         let series = [
-            ("falling".to_owned(), vec![(0.0, 0.3), (1.0, 0.02), (2.0, 0.0)]),
+            (
+                "falling".to_owned(),
+                vec![(0.0, 0.3), (1.0, 0.02), (2.0, 0.0)],
+            ),
             ("flat".to_owned(), vec![(0.0, 0.1), (2.0, 0.1)]),
         ];
-        let chart = Chart { title: "T", x_label: "t [s]", y_label: "E", series: &series };
+        let chart = Chart {
+            title: "T",
+            x_label: "t [s]",
+            y_label: "E",
+            series: &series,
+        };
         let svg = chart.svg().unwrap();
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
         for word in ["falling", "flat", "t [s]", "1e-1"] {
@@ -109,7 +121,10 @@ mod tests {
         }
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
         assert_eq!(svg, chart.svg().unwrap());
-        let nothing = Chart { series: &[], ..chart };
+        let nothing = Chart {
+            series: &[],
+            ..chart
+        };
         assert!(nothing.svg().is_ok());
     }
 }

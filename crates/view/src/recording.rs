@@ -674,14 +674,14 @@ mod tests {
                 points,
                 states,
                 0,
-                "time: frame 4 is NaN s, must be finite",
+                "t: frame 4 is NaN s, must be finite",
             ),
             (
                 0.05,
                 points,
                 states,
                 0,
-                "time: frame 4 is 0.05 s after 0.05 s, must be larger than the one before",
+                "t: frame 4 is 0.05 s after 0.05 s, must be larger than the one before",
             ),
             (
                 1.0,
@@ -765,22 +765,22 @@ mod tests {
             (
                 "t",
                 put(&[2], vec![0.0, f64::NAN]),
-                "time: frame 1 is NaN s, must be finite",
+                "t: frame 1 is NaN s, must be finite",
             ),
             (
                 "t",
                 put(&[2], vec![1.0, 1.0]),
-                "time: frame 1 is 1 s after 1 s, must be larger than the one before",
+                "t: frame 1 is 1 s after 1 s, must be larger than the one before",
             ),
             (
                 "t",
                 put(&[2], vec![0_u32, 1]),
-                "time: dtype is <u4, must be <f8",
+                "t: dtype is <u4, must be <f8",
             ),
             (
                 "t",
                 put(&[2, 1], vec![0.0, 1.0]),
-                "time: shape is (2, 1), must be (2,)",
+                "t: shape is (2, 1), must be (2,)",
             ),
             (
                 "positions",
@@ -900,7 +900,7 @@ mod tests {
         ]);
         assert_eq!(
             error.unwrap_err(),
-            "time: no frame, must be one frame at least"
+            "t: no frame, must be one frame at least"
         );
         // A quaternion of few digits is normalised, another array passed over.
         let run = file(vec![
@@ -918,7 +918,7 @@ mod tests {
         assert_eq!(
             empty.write(&path).unwrap_err().to_string(),
             format!(
-                "{} cannot be written: time: no frame, must be one frame at least",
+                "{} cannot be written: t: no frame, must be one frame at least",
                 path.display()
             )
         );
