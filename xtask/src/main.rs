@@ -1,35 +1,45 @@
-//! The project's own commands: `cargo xtask --help`.
+//! Selvedge's commands; `cargo xtask help` lists them.
 //!
 //! The exit code is 0 when all is well, 1 when a check failed and 2 for bad input.
 
 #![forbid(unsafe_code)]
 
-use std::process::ExitCode;
-
-use clap::Parser;
-
 mod ci;
+mod experiments;
 mod layers;
 mod report;
 mod test;
 mod workspace;
 
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
 #[derive(Parser)]
-#[command(bin_name = "cargo xtask", about = "The project's own commands")]
-enum Xtask {
-    /// Check the arrows between the crates and what they may depend on
-    Layers,
-    /// Run every test, doctest and example
+#[command(name = "cargo xtask", about, version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Simulate the folds of a scenario and compare their errors.
+    Experiments(experiments::Arguments),
+    /// Run every test, doctest and example.
     Test(test::Arguments),
-    /// Run all that CI runs: the tests, formatting, lints, docs, layers, licences, advisories
+    /// Check which crate needs which, and where heavy packages are named.
+    Layers,
+    /// Run all that CI runs: formatting, lints, layers, licences, documentation, tests.
     Ci,
 }
 
 fn main() -> ExitCode {
-    let result = match Xtask::parse() {
-        Xtask::Layers => layers::run(),
-        Xtask::Test(arguments) => test::run(&arguments),
-        Xtask::Ci => ci::run(),
+    let result = match Arguments::parse().command {
+        Command::Experiments(arguments) => experiments::run(&arguments),
+        Command::Test(arguments) => test::run(&arguments),
+        Command::Layers => layers::run(),
+        Command::Ci => ci::run(),
     };
     result.unwrap_or_else(|error| {
         eprintln!("error: {error:#}");

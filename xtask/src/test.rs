@@ -14,7 +14,7 @@ use crate::workspace::{self, all_crates, command, succeed};
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Make no Python environment: its tests run only where python3 has the packages
+    /// Make no Python environment; its tests run only where python3 has the packages.
     #[arg(long)]
     no_python: bool,
 }

@@ -9,8 +9,8 @@ use selvedge_math::{DVec3, HeldError};
 ///
 /// ```
 /// use selvedge_grasp::Error;
-/// let text = Error::TimeStep(-0.1).to_string();
-/// assert_eq!(text, "time step -0.1 s must be positive and finite");
+/// let text = Error::Amount(1.5).to_string();
+/// assert_eq!(text, "squeeze amount 1.5 must be between 0 and 1");
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -120,7 +120,10 @@ impl fmt::Display for Error {
                 write!(f, "squeeze lift {lift} m must be finite and not negative")
             }
             Self::Steps => write!(f, "squeeze steps 0 must be at least 1"),
-            Self::TimeStep(dt) => write!(f, "time step {dt} s must be positive and finite"),
+            Self::TimeStep(dt) => write!(
+                f,
+                "time step {dt} s must be positive and finite, and so must its inverse"
+            ),
             Self::Alpha(alpha) => write!(f, "alpha {alpha} must be between 0 and 1"),
             Self::Pose(p) => write!(
                 f,

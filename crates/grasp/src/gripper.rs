@@ -212,6 +212,7 @@ impl Gripper {
 
     /// Checks all that can fail in a step and, when the jaws close, finds the support. Nothing that
     /// can be seen from outside changes.
+    // A carrying step takes some ten nanoseconds; handing the arguments on takes as long again.
     #[inline(always)]
     pub(crate) fn prepare(
         &mut self,
@@ -277,6 +278,7 @@ impl Gripper {
     }
 
     /// Takes the step that `prepare` has checked.
+    // Inlined for the reason given at `prepare`.
     #[inline(always)]
     pub(crate) fn commit(
         &mut self,
@@ -315,6 +317,8 @@ impl Gripper {
         }
 
         // Targets and velocities
+        // `Pose::rotation_matrix` is not inlined into other crates: its call alone takes a quarter of
+        // the step.
         let position = command.pose.position();
         let rotation = DMat3::from_quat(command.pose.rotation());
         let per_second = 1.0 / dt;

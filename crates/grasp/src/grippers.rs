@@ -63,13 +63,26 @@ impl Grippers {
         dt: f64,
         cloth: ClothView<'_>,
     ) -> Result<Held<'_>, Error> {
+        self.step_with(commands, dt, cloth, Options::default())
+    }
+
+    /// [`Grippers::step`] with options, the same for all grippers.
+    ///
+    /// # Errors
+    /// Those of [`Grippers::step`].
+    pub fn step_with(
+        &mut self,
+        commands: &[Command],
+        dt: f64,
+        cloth: ClothView<'_>,
+        options: Options<'_>,
+    ) -> Result<Held<'_>, Error> {
         if commands.len() != self.grippers.len() {
             return Err(Error::CommandCount {
                 commands: commands.len(),
                 grippers: self.grippers.len(),
             });
         }
-        let options = Options::default();
         for (number, (gripper, command)) in self.grippers.iter_mut().zip(commands).enumerate() {
             if let Err(error) = gripper.prepare(command, dt, cloth, &options) {
                 let error = Box::new(error);

@@ -7,6 +7,7 @@ use core::cmp::Reverse;
 
 use selvedge_math::{DVec3, Held};
 
+use crate::select::out_of_range;
 use crate::{ClothView, Error};
 
 /// Two held nodes that are commanded further apart than the cloth between them is long.
@@ -28,9 +29,10 @@ pub struct Overstretch {
 ///
 /// The distance `d_ij` is that of the straight segment between the nodes at rest when the segment
 /// stays on the cloth, as it always does on a flat convex cloth: this is the geodesic distance
-/// itself. Otherwise it is the shortest path over edges, sides and diagonals of the faces, which is
-/// never too short (so it gives no false alarm) and on square cells at most 8 % too long. It is
-/// found when the held nodes change; a step that holds the same nodes only compares distances.
+/// itself. Otherwise it is the shortest path over edges, and sides and diagonals of the faces. With
+/// flat faces such a path is never too short, so it gives no false alarm, and on square cells it is
+/// at most 8 % too long. Distances are found when the held nodes change; a step that holds the same
+/// nodes as the one before only compares.
 ///
 /// ```
 /// use selvedge_grasp::{ClothView, DVec3, Guard, Held};
@@ -320,19 +322,11 @@ fn check_range<const N: usize>(
     elements: &[[u32; N]],
     node_count: usize,
 ) -> Result<(), Error> {
-    for (number, nodes) in elements.iter().enumerate() {
-        for &node in nodes {
-            if node as usize >= node_count {
-                return Err(Error::NodeOutOfRange {
-                    element,
-                    number,
-                    node,
-                    node_count,
-                });
-            }
-        }
+    let outside = |nodes: &[u32; N]| nodes.iter().any(|&node| node as usize >= node_count);
+    match elements.iter().position(outside) {
+        Some(number) => Err(out_of_range(element, number, &elements[number], node_count)),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -82,9 +82,9 @@ impl Support {
 /// `support` held before.
 ///
 /// # Errors
-/// [`Error::Position`] when the position of any node is not finite (it could be neither inside nor
-/// outside), [`Error::NodeOutOfRange`] when an edge or a face names a node that does not exist. The
-/// support is then empty.
+/// [`Error::Pose`] when the position of the gripper is not finite; [`Error::Position`] when that of
+/// any node is not (it could be neither inside nor outside); [`Error::NodeOutOfRange`] when an edge
+/// or a face names a node that does not exist. The support is then empty.
 ///
 /// ```
 /// use selvedge_grasp::{ClothView, DVec3, GraspVolume, Pose, Shape, Support, select};
@@ -132,12 +132,15 @@ fn search(
 
     // An edge or a face whose nodes all lie beyond one side of the bounding box is passed over
     // without arithmetic. No centre that `contains` would accept is lost: rounding is monotone, so
-    // a computed mean lies below the smallest of its nodes by a few roundings of that coordinate at
-    // most, and the bounds are wider than the volume by more.
+    // a computed mean lies below the smallest of its nodes (or above the largest) by a few roundings
+    // of that coordinate at most, and the bounds are wider than the volume by more.
     let (low, high) = volume.bounds();
     let margin = 16.0 * f64::EPSILON * low.abs().max(high.abs());
     let (low, high) = (low - margin, high + margin);
 
+    if !pose.position().is_finite() {
+        return Err(Error::Pose(pose.position()));
+    }
     support.found.resize(positions.len(), Rules::default());
     let Support {
         nodes,
@@ -245,7 +248,12 @@ fn common_code<const N: usize>(codes: &[u8], nodes: &[u32; N]) -> Option<u8> {
 }
 
 #[cold]
-fn out_of_range(element: &'static str, number: usize, nodes: &[u32], node_count: usize) -> Error {
+pub(crate) fn out_of_range(
+    element: &'static str,
+    number: usize,
+    nodes: &[u32],
+    node_count: usize,
+) -> Error {
     let node = nodes.iter().copied().max().unwrap_or_default();
     Error::NodeOutOfRange {
         element,
@@ -367,6 +375,13 @@ mod tests {
             error.to_string()
         }
         let support = &mut Support::default();
+        let error = select(
+            &cube(9.0),
+            &Pose::from_translation(DVec3::NAN),
+            CLOTH,
+            support,
+        );
+        assert!(matches!(error, Err(Error::Pose(_))));
         let quads = [[0, 1, 2, 3], [0, 1, 9, 3]];
         let text = fails(
             support,

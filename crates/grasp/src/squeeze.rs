@@ -6,6 +6,8 @@ use crate::Error;
 
 /// The squeeze: how far held nodes are drawn to the middle of the jaws, and in how many steps.
 ///
+/// A plain value; [`crate::Gripper::new`] checks it.
+///
 /// ```
 /// use selvedge_grasp::{DVec3, Squeeze};
 /// let squeeze = Squeeze { amount: 0.5, lift: 2e-4, steps: 10 };

@@ -19,6 +19,9 @@ pub enum Error {
         /// What must be there.
         bound: String,
     },
+    /// A picture could not be drawn.
+    #[error("the chart cannot be drawn: {0}")]
+    Draw(String),
     /// A file could not be read, or holds no recording.
     #[error("{}: {reason}", .path.display())]
     Read {

@@ -1,12 +1,14 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+mod chart;
 mod error;
 mod npz;
 mod recording;
 mod sheet;
 mod whole;
 
+pub use chart::Chart;
 pub use error::Error;
 pub use recording::{GripperState, Recording};
 pub use sheet::{Rest, Sheet};

@@ -228,7 +228,7 @@ impl Recording {
         if frames == 0 {
             return Err(no_frame().into());
         }
-        npz.array("time", &[frames], self.times.iter().copied())?;
+        npz.array("t", &[frames], self.times.iter().copied())?;
         npz.array(
             "positions",
             &[frames, nodes, 3],
@@ -342,10 +342,10 @@ impl Recording {
         let mut recording = Self::new(sheet, gripper_count, meta)?;
 
         // The frames.
-        let frames = first(&npz.shape("time")?);
+        let frames = first(&npz.shape("t")?);
         let nodes = recording.node_count;
         let lead = &[frames, gripper_count][..jaw.len()];
-        recording.times = npz.array("time", &[frames])?;
+        recording.times = npz.array("t", &[frames])?;
         recording.positions = points(npz, "positions", &[frames, nodes, 3])?;
         recording.grasped = npz.array("grasped", &[frames, nodes])?;
         let jaws = npz.array::<u8>("jaw", lead)?;
@@ -394,11 +394,11 @@ fn check_frame(
         Err(Error::value(array, format!("frame {frame}{value}"), bound))
     };
     if !time.is_finite() {
-        return refuse("time", format!(" is {time} s"), "finite");
+        return refuse("t", format!(" is {time} s"), "finite");
     }
     if let Some(previous) = previous.filter(|&previous| time <= previous) {
         let value = format!(" is {time} s after {previous} s");
-        return refuse("time", value, "larger than the one before");
+        return refuse("t", value, "larger than the one before");
     }
     if let Some(node) = positions.iter().position(|p| !p.is_finite()) {
         let value = format!(", node {node} is {} m", positions[node]);
@@ -433,7 +433,7 @@ fn coordinates(points: &[DVec3]) -> impl Iterator<Item = f64> {
 }
 
 fn no_frame() -> Error {
-    Error::value("time", "no frame", "one frame at least")
+    Error::value("t", "no frame", "one frame at least")
 }
 
 /// The first entry of a shape; the rest is compared when the array is read.
@@ -544,7 +544,7 @@ mod tests {
     fn file(changes: Vec<(&'static str, Option<Put>)>) -> Result<Recording, String> {
         let poses = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0].repeat(2);
         let mut arrays: BTreeMap<&'static str, Put> = BTreeMap::from([
-            ("time", put(&[2], vec![0.0, 1.0])),
+            ("t", put(&[2], vec![0.0, 1.0])),
             ("positions", put(&[2, 3, 3], vec![0.0; 18])),
             ("triangles", put(&[1, 3], vec![0_u32, 1, 2])),
             ("rest", put(&[3, 3], vec![0.5; 9])),
@@ -674,14 +674,14 @@ mod tests {
                 points,
                 states,
                 0,
-                "time: frame 4 is NaN s, must be finite",
+                "t: frame 4 is NaN s, must be finite",
             ),
             (
                 0.05,
                 points,
                 states,
                 0,
-                "time: frame 4 is 0.05 s after 0.05 s, must be larger than the one before",
+                "t: frame 4 is 0.05 s after 0.05 s, must be larger than the one before",
             ),
             (
                 1.0,
@@ -738,7 +738,7 @@ mod tests {
     fn bad_files_are_named() {
         assert_eq!(file(vec![]).unwrap().frame_count(), 2);
         let required = [
-            "time",
+            "t",
             "positions",
             "rest",
             "jaw",
@@ -758,29 +758,29 @@ mod tests {
         };
         for (name, change, message) in [
             (
-                "time",
+                "t",
                 put(&[3], vec![0.0, 1.0, 2.0]),
                 "positions: shape is (2, 3, 3), must be (3, 3, 3)",
             ),
             (
-                "time",
+                "t",
                 put(&[2], vec![0.0, f64::NAN]),
-                "time: frame 1 is NaN s, must be finite",
+                "t: frame 1 is NaN s, must be finite",
             ),
             (
-                "time",
+                "t",
                 put(&[2], vec![1.0, 1.0]),
-                "time: frame 1 is 1 s after 1 s, must be larger than the one before",
+                "t: frame 1 is 1 s after 1 s, must be larger than the one before",
             ),
             (
-                "time",
+                "t",
                 put(&[2], vec![0_u32, 1]),
-                "time: dtype is <u4, must be <f8",
+                "t: dtype is <u4, must be <f8",
             ),
             (
-                "time",
+                "t",
                 put(&[2, 1], vec![0.0, 1.0]),
-                "time: shape is (2, 1), must be (2,)",
+                "t: shape is (2, 1), must be (2,)",
             ),
             (
                 "positions",
@@ -891,7 +891,7 @@ mod tests {
         }
         // No frame: every array of frames is empty.
         let error = file(vec![
-            ("time", Some(put(&[0], vec![0.0; 0]))),
+            ("t", Some(put(&[0], vec![0.0; 0]))),
             ("positions", Some(put(&[0, 3, 3], vec![0.0; 0]))),
             ("jaw", Some(put(&[0], vec![0_u8; 0]))),
             ("pose", Some(put(&[0, 7], vec![0.0; 0]))),
@@ -900,7 +900,7 @@ mod tests {
         ]);
         assert_eq!(
             error.unwrap_err(),
-            "time: no frame, must be one frame at least"
+            "t: no frame, must be one frame at least"
         );
         // A quaternion of few digits is normalised, another array passed over.
         let run = file(vec![
@@ -918,7 +918,7 @@ mod tests {
         assert_eq!(
             empty.write(&path).unwrap_err().to_string(),
             format!(
-                "{} cannot be written: time: no frame, must be one frame at least",
+                "{} cannot be written: t: no frame, must be one frame at least",
                 path.display()
             )
         );

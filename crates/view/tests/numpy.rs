@@ -80,7 +80,7 @@ for name in z.files:
     a = z[name]
     print(name, a.dtype.str, a.shape)
 print(json.loads(bytes(z["meta"]))["case"] == "C4 \u2713")
-print(" ".join(repr(float(x)) for name in ("time", "positions", "sides", "pose", "alpha") for x in z[name].flat))
+print(" ".join(repr(float(x)) for name in ("t", "positions", "sides", "pose", "alpha") for x in z[name].flat))
 print(" ".join(str(int(x)) for name in ("quads", "grid", "jaw", "grasped") for x in z[name].flat))
 "#;
     for (grippers, jaw, pose) in [(1, "(4,)", "(4, 7)"), (2, "(4, 2)", "(4, 2, 7)")] {
@@ -95,7 +95,7 @@ print(" ".join(str(int(x)) for name in ("quads", "grid", "jaw", "grasped") for x
         assert_eq!(
             arrays,
             format!(
-                "time <f8 (4,)\npositions <f8 (4, 6, 3)\nquads <u4 (2, 4)\ngrid <u4 (2,)\n\
+                "t <f8 (4,)\npositions <f8 (4, 6, 3)\nquads <u4 (2, 4)\ngrid <u4 (2,)\n\
                  sides <f8 (2,)\njaw |u1 {jaw}\npose <f8 {pose}\ngrasped |u1 (4, 6)\n\
                  alpha <f8 {jaw}\nmeta |u1 ({meta},)\n"
             )

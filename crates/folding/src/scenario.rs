@@ -1,0 +1,714 @@
+//! The scenario file, checked once on load.
+
+use std::path::Path;
+
+use selvedge_cloth::{Material, Mesh};
+use selvedge_grasp::{GraspVolume, Gripper, Shape, Squeeze};
+use selvedge_math::{DQuat, DVec3, Pose};
+use selvedge_published::Settings;
+use selvedge_trajectory::{FoldTimes, Law, Orientation, QuadBezier, Schedule, Sweep};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::Error;
+
+/// A folding experiment: one cloth, one timeline, several cases.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// The name of the file without its ending.
+    pub name: String,
+    /// The cloth at rest.
+    pub mesh: Mesh,
+    /// What it is made of.
+    pub material: Material,
+    /// Settings of the published scheme, gravity included.
+    pub published: Settings,
+    /// Period of the commands [s].
+    pub frame: f64,
+    /// Number of steps: one for each command from `t = 0` to the end, both included.
+    pub steps: usize,
+    /// The cases, in the order of the file.
+    pub cases: Vec<Case>,
+}
+
+/// One way to grasp and fold.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// Its name, also that of its files.
+    pub name: String,
+    /// The grippers that take part.
+    pub grippers: Vec<GripperPlan>,
+    /// The case whose end is the ideal fold; none for the analytic half fold.
+    pub reference: Option<String>,
+    /// SHA-256 over everything in the file that this case depends on, in hexadecimal.
+    pub input_hash: String,
+}
+
+/// What one gripper does.
+#[derive(Clone, Debug)]
+pub struct GripperPlan {
+    /// The gripper, open.
+    pub gripper: Gripper,
+    /// Its commands over time.
+    pub schedule: Schedule,
+    /// Where the tip is in the gripper frame [m].
+    pub tip_offset: DVec3,
+    /// How far the gripper turns on its way [rad].
+    pub rotation: f64,
+}
+
+impl Scenario {
+    /// Reads and checks a scenario file.
+    ///
+    /// # Errors
+    /// [`Error::File`], [`Error::Syntax`] or [`Error::Value`], each naming the file and the key.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
+        let path = path.as_ref();
+        let text = std::fs::read_to_string(path).map_err(|source| Error::File {
+            path: path.to_owned(),
+            source,
+        })?;
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        Self::parse(&text, &stem, &path.display().to_string())
+    }
+
+    /// Checks the text of a scenario; `file` is what errors call it.
+    ///
+    /// # Errors
+    /// As [`Scenario::load`].
+    pub fn parse(text: &str, name: &str, file: &str) -> Result<Self, Error> {
+        let raw: File = toml::from_str(text).map_err(|error| Error::Syntax {
+            file: file.to_owned(),
+            message: error.to_string().trim_end().replace('\n', "\n  "),
+        })?;
+        raw.check(name, &Check { file })
+    }
+
+    /// The time of a step [s], `k` times the period.
+    ///
+    /// A whole number of steps a second is kept exactly: 60 steps of 1/60 s are 1 s.
+    pub fn time(&self, step: usize) -> f64 {
+        let rate = (1.0 / self.frame).round();
+        if (1.0 / self.frame - rate).abs() < 1e-9 * rate {
+            step as f64 / rate
+        } else {
+            step as f64 * self.frame
+        }
+    }
+
+    /// The case of that name.
+    pub fn case(&self, name: &str) -> Option<&Case> {
+        self.cases.iter().find(|case| case.name == name)
+    }
+}
+
+// The file, as it is written; every key is described in docs/SCENARIOS.md.
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    schema: u32,
+    cloth: ClothTable,
+    #[serde(default)]
+    solver: SolverTable,
+    time: TimeTable,
+    path: PathTable,
+    squeeze: SqueezeTable,
+    case: Vec<CaseTable>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ClothTable {
+    sides_m: [f64; 2],
+    nodes: [usize; 2],
+    density_kg_per_m2: f64,
+    gravitational_density_kg_per_m2: f64,
+    damping_kg_per_m2_s: f64,
+    bending_n_m: f64,
+    friction_table: f64,
+    friction_cloth: f64,
+    thickness_m: f64,
+    gravity_m_per_s2: f64,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SolverTable {
+    #[serde(default)]
+    published: PublishedTable,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct PublishedTable {
+    substeps: u32,
+    tolerance: f64,
+    compliance_stretch: f64,
+    compliance_shear: f64,
+    compliance_contact: f64,
+    thickness_factor: f64,
+    move_limit: f64,
+}
+
+impl Default for PublishedTable {
+    fn default() -> Self {
+        let Settings {
+            substeps,
+            tolerance,
+            compliance_stretch,
+            compliance_shear,
+            compliance_contact,
+            thickness_factor,
+            move_limit,
+            gravity: _,
+        } = Settings::default();
+        Self {
+            substeps,
+            tolerance,
+            compliance_stretch,
+            compliance_shear,
+            compliance_contact,
+            thickness_factor,
+            move_limit,
+        }
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TimeTable {
+    frame_s: f64,
+    close_s: f64,
+    move_s: f64,
+    open_s: f64,
+    end_s: f64,
+    law: LawKey,
+}
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum LawKey {
+    Linear,
+    Cubic,
+    Quintic,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PathTable {
+    mid_m: [f64; 3],
+    end_m: [f64; 3],
+    keep_x: bool,
+    orientation: OrientationKey,
+}
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum OrientationKey {
+    Slerp,
+    Nlerp,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SqueezeTable {
+    amount: f64,
+    lift_m: f64,
+    steps: u32,
+}
+
+/// A case has either the keys of one gripper or a list of grippers.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CaseTable {
+    name: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reference: Option<String>,
+    volume: Option<VolumeTable>,
+    tip_offset_m: Option<[f64; 3]>,
+    tip_convention: Option<TipConvention>,
+    start_node: Option<usize>,
+    start_offset_m: Option<[f64; 3]>,
+    start_xyzw: Option<[f64; 4]>,
+    end_xyzw: Option<[f64; 4]>,
+    #[serde(default)]
+    gripper: Vec<GripperTable>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GripperTable {
+    volume: VolumeTable,
+    tip_offset_m: [f64; 3],
+    #[serde(default)]
+    tip_convention: TipConvention,
+    start_node: usize,
+    start_offset_m: [f64; 3],
+    start_xyzw: [f64; 4],
+    end_xyzw: [f64; 4],
+    mid_m: Option<[f64; 3]>,
+    end_m: Option<[f64; 3]>,
+}
+
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(tag = "type", rename_all = "lowercase", deny_unknown_fields)]
+enum VolumeTable {
+    Box { size_m: [f64; 3] },
+    Pyramid { side_m: f64, height_m: f64 },
+}
+
+/// How the tip's path becomes that of the gripper frame: `g = p - R c`, or `g = p - c` as in the
+/// published runs.
+#[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum TipConvention {
+    #[default]
+    Rigid,
+    Published,
+}
+
+/// Makes errors that name the file.
+struct Check<'a> {
+    file: &'a str,
+}
+
+impl Check<'_> {
+    fn value(
+        &self,
+        key: impl Into<String>,
+        value: impl ToString,
+        bound: impl Into<String>,
+    ) -> Error {
+        Error::Value {
+            file: self.file.to_owned(),
+            key: key.into(),
+            value: value.to_string(),
+            bound: bound.into(),
+        }
+    }
+
+    fn within(&self, key: &str, value: f64, low: f64, high: f64) -> Result<(), Error> {
+        if value >= low && value <= high {
+            Ok(())
+        } else {
+            Err(self.value(key, value, format!("from {low} to {high}")))
+        }
+    }
+
+    fn above(&self, key: &str, value: f64, low: f64, high: f64) -> Result<(), Error> {
+        if value > low && value <= high {
+            Ok(())
+        } else {
+            Err(self.value(key, value, format!("above {low} and at most {high}")))
+        }
+    }
+
+    fn point(&self, key: &str, value: [f64; 3]) -> Result<DVec3, Error> {
+        match value.iter().all(|c| c.is_finite()) {
+            true => Ok(DVec3::from_array(value)),
+            false => Err(self.value(key, format!("{value:?}"), "finite")),
+        }
+    }
+
+    fn rotation(&self, key: &str, value: [f64; 4]) -> Result<DQuat, Error> {
+        let pose = Pose::new(DVec3::ZERO, DQuat::from_array(value));
+        pose.map(|pose| pose.rotation()).map_err(|_| {
+            self.value(
+                key,
+                format!("{value:?}"),
+                "a quaternion x y z w, finite and not zero",
+            )
+        })
+    }
+}
+
+/// Steps of one run.
+const MAX_STEPS: f64 = 1e6;
+/// A side of a sheet or a length in a path [m]: larger ones are another unit.
+const MAX_LENGTH: f64 = 100.0;
+
+impl File {
+    fn check(self, name: &str, check: &Check<'_>) -> Result<Scenario, Error> {
+        if self.schema != 1 {
+            return Err(check.value("schema", self.schema, "1"));
+        }
+        let mesh = self.cloth.mesh(check)?;
+        let material = self.cloth.material(check)?;
+        let published = self
+            .solver
+            .published
+            .settings(self.cloth.gravity_m_per_s2, check)?;
+        let steps = self.time.steps(check)?;
+        self.path.check(check)?;
+        self.squeeze.check(check)?;
+        if self.case.is_empty() {
+            return Err(check.value("case", "[]", "at least one case"));
+        }
+        let mut cases = Vec::with_capacity(self.case.len());
+        for case in &self.case {
+            if self
+                .case
+                .iter()
+                .filter(|other| other.name == case.name)
+                .count()
+                > 1
+            {
+                return Err(check.value("case.name", &case.name, "the name of one case only"));
+            }
+            cases.push(self.case(case, &mesh, check)?);
+        }
+        Ok(Scenario {
+            name: name.to_owned(),
+            mesh,
+            material,
+            published,
+            frame: self.time.frame_s,
+            steps,
+            cases,
+        })
+    }
+
+    fn case(&self, case: &CaseTable, mesh: &Mesh, check: &Check<'_>) -> Result<Case, Error> {
+        let name = &case.name;
+        let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+        if name.is_empty() || name.len() > 64 || !name.chars().all(plain) {
+            let bound = "1 to 64 letters, digits, - or _ (it names files)";
+            return Err(check.value("case.name", format!("{name:?}"), bound));
+        }
+        if let Some(reference) = &case.reference
+            && !self.case.iter().any(|other| other.name == *reference)
+        {
+            return Err(check.value(
+                format!("case {name}: reference"),
+                reference,
+                "a case's name",
+            ));
+        }
+        let tables = case.grippers(check)?;
+        let several = tables.len() > 1;
+        let mut grippers = Vec::with_capacity(tables.len());
+        for (number, table) in tables.iter().enumerate() {
+            let place = match several {
+                true => format!("case {name}, gripper {}", number + 1),
+                false => format!("case {name}"),
+            };
+            grippers.push(self.plan(table, mesh, &place, check)?);
+        }
+        Ok(Case {
+            name: name.clone(),
+            grippers,
+            reference: case.reference.clone(),
+            input_hash: self.hash(case),
+        })
+    }
+
+    fn plan(
+        &self,
+        table: &GripperTable,
+        mesh: &Mesh,
+        place: &str,
+        check: &Check<'_>,
+    ) -> Result<GripperPlan, Error> {
+        let key = |key: &str| format!("{place}: {key}");
+        let tip_offset = check.point(&key("tip_offset_m"), table.tip_offset_m)?;
+        let offset = check.point(&key("start_offset_m"), table.start_offset_m)?;
+        let from = check.rotation(&key("start_xyzw"), table.start_xyzw)?;
+        let to = check.rotation(&key("end_xyzw"), table.end_xyzw)?;
+        let Some(&node) = mesh.rest().get(table.start_node) else {
+            let bound = format!("below the node count {}", mesh.node_count());
+            return Err(check.value(key("start_node"), table.start_node, bound));
+        };
+        let start = node + offset;
+        let mut mid = check.point(&key("mid_m"), table.mid_m.unwrap_or(self.path.mid_m))?;
+        let mut end = check.point(&key("end_m"), table.end_m.unwrap_or(self.path.end_m))?;
+        if self.path.keep_x {
+            (mid.x, end.x) = (start.x, start.x);
+        }
+        // An inextensible sheet follows a corner at most so far without being dragged.
+        let reach = mesh.as_grid().diagonal();
+        for (name, point) in [("start_offset_m", start), ("mid_m", mid), ("end_m", end)] {
+            let distance = mesh
+                .rest()
+                .iter()
+                .map(|p| p.distance(point))
+                .fold(f64::INFINITY, f64::min);
+            if distance > reach {
+                let bound = format!(
+                    "within the sheet's diagonal, {reach:.4} m, of a node (it is {distance:.4} m \
+                     from the nearest; lengths are in metres)"
+                );
+                return Err(check.value(key(name), point, bound));
+            }
+        }
+        let (shape, size_key) = match table.volume {
+            VolumeTable::Box { size_m } => (
+                Shape::Box {
+                    size: size_m.into(),
+                },
+                "volume.size_m",
+            ),
+            VolumeTable::Pyramid { side_m, height_m } => (
+                Shape::Pyramid {
+                    side: side_m,
+                    height: height_m,
+                },
+                "volume",
+            ),
+        };
+        let refused = |error: selvedge_grasp::Error| Error::Syntax {
+            file: check.file.to_owned(),
+            message: format!("{}: {error}", key(size_key)),
+        };
+        let volume = GraspVolume::new(shape, tip_offset).map_err(refused)?;
+        let squeeze = Squeeze {
+            amount: self.squeeze.amount,
+            lift: self.squeeze.lift_m,
+            steps: self.squeeze.steps,
+        };
+        let gripper = Gripper::new(volume, squeeze).map_err(refused)?;
+        let (shift, tip) = match table.tip_convention {
+            TipConvention::Rigid => (DVec3::ZERO, tip_offset),
+            TipConvention::Published => (tip_offset, DVec3::ZERO),
+        };
+        let path = QuadBezier {
+            start: start - shift,
+            mid: mid - shift,
+            end: end - shift,
+        };
+        let orientation = match self.path.orientation {
+            OrientationKey::Slerp => Orientation::Slerp,
+            OrientationKey::Nlerp => Orientation::Nlerp,
+        };
+        let sweep = Sweep::new(path, from, to, orientation, tip)?;
+        let law = match self.time.law {
+            LawKey::Linear => Law::Linear,
+            LawKey::Cubic => Law::Cubic,
+            LawKey::Quintic => Law::Quintic,
+        };
+        let TimeTable {
+            close_s,
+            move_s,
+            open_s,
+            end_s,
+            ..
+        } = self.time;
+        let times = FoldTimes {
+            close: close_s,
+            start: move_s,
+            open: open_s,
+            end: end_s,
+        };
+        Ok(GripperPlan {
+            gripper,
+            rotation: sweep.angle(),
+            schedule: Schedule::fold(sweep, law, times)?,
+            tip_offset,
+        })
+    }
+
+    /// Over what the case depends on, in the order of the file, numbers in shortest form.
+    fn hash(&self, case: &CaseTable) -> String {
+        let inputs = (
+            &self.cloth,
+            &self.solver.published,
+            &self.time,
+            &self.path,
+            &self.squeeze,
+            case,
+        );
+        let text = serde_json::to_string(&inputs).unwrap_or_default();
+        Sha256::digest(text)
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect()
+    }
+}
+
+impl ClothTable {
+    fn mesh(&self, check: &Check<'_>) -> Result<Mesh, Error> {
+        for side in self.sides_m {
+            check.above("cloth.sides_m", side, 0.0, MAX_LENGTH)?;
+        }
+        let [na, nb] = self.nodes;
+        let count = na.saturating_mul(nb);
+        // Recordings hold every node at every step.
+        const MAX_NODES: usize = 100_000;
+        if na < 2 || nb < 2 || count > MAX_NODES {
+            let bound = format!("at least 2 each and at most {MAX_NODES} in all");
+            return Err(check.value("cloth.nodes", format!("[{na}, {nb}]"), bound));
+        }
+        Mesh::grid(self.nodes, self.sides_m).map_err(|error| Error::Syntax {
+            file: check.file.to_owned(),
+            message: error.to_string(),
+        })
+    }
+
+    fn material(&self, check: &Check<'_>) -> Result<Material, Error> {
+        check.above("cloth.density_kg_per_m2", self.density_kg_per_m2, 0.0, 1e3)?;
+        let delta = self.gravitational_density_kg_per_m2;
+        check.above("cloth.gravitational_density_kg_per_m2", delta, 0.0, 1e3)?;
+        check.within(
+            "cloth.damping_kg_per_m2_s",
+            self.damping_kg_per_m2_s,
+            0.0,
+            1e6,
+        )?;
+        check.within("cloth.bending_n_m", self.bending_n_m, 0.0, 1e3)?;
+        check.within("cloth.friction_table", self.friction_table, 0.0, 1e3)?;
+        check.within("cloth.friction_cloth", self.friction_cloth, 0.0, 1e3)?;
+        check.above("cloth.thickness_m", self.thickness_m, 0.0, 1.0)?;
+        check.within("cloth.gravity_m_per_s2", self.gravity_m_per_s2, 0.0, 1e3)?;
+        Ok(Material {
+            density: self.density_kg_per_m2,
+            gravitational_density: delta,
+            damping: self.damping_kg_per_m2_s,
+            bending: self.bending_n_m,
+            friction_table: self.friction_table,
+            friction_cloth: self.friction_cloth,
+            thickness: self.thickness_m,
+        })
+    }
+}
+
+impl PublishedTable {
+    fn settings(&self, gravity: f64, check: &Check<'_>) -> Result<Settings, Error> {
+        let settings = Settings {
+            substeps: self.substeps,
+            tolerance: self.tolerance,
+            compliance_stretch: self.compliance_stretch,
+            compliance_shear: self.compliance_shear,
+            compliance_contact: self.compliance_contact,
+            thickness_factor: self.thickness_factor,
+            move_limit: self.move_limit,
+            gravity,
+        };
+        settings.check().map_err(|error| Error::Syntax {
+            file: check.file.to_owned(),
+            message: format!("solver.published: {error}"),
+        })?;
+        Ok(settings)
+    }
+}
+
+impl TimeTable {
+    fn steps(&self, check: &Check<'_>) -> Result<usize, Error> {
+        let Self {
+            frame_s,
+            close_s,
+            move_s,
+            open_s,
+            end_s,
+            ..
+        } = *self;
+        check.above("time.frame_s", frame_s, 0.0, 1.0)?;
+        let ordered = [
+            ("time.close_s", close_s, 0.0, "0, the start"),
+            ("time.move_s", move_s, close_s, "close_s"),
+            ("time.open_s", open_s, move_s, "move_s"),
+            ("time.end_s", end_s, open_s, "open_s"),
+        ];
+        for (key, value, low, name) in ordered {
+            if !(value >= low && value.is_finite()) {
+                let bound = format!("finite and not before {name} ({low} s)");
+                return Err(check.value(key, value, bound));
+            }
+        }
+        if open_s == move_s {
+            let bound = format!("after move_s ({move_s} s): the gripper needs time to move");
+            return Err(check.value("time.open_s", open_s, bound));
+        }
+        let steps = end_s / frame_s;
+        if steps > MAX_STEPS {
+            let bound = format!("at most {MAX_STEPS} steps of frame_s");
+            return Err(check.value("time.end_s", end_s, bound));
+        }
+        Ok((steps + 1e-9).floor() as usize + 1)
+    }
+}
+
+impl PathTable {
+    fn check(&self, check: &Check<'_>) -> Result<(), Error> {
+        check.point("path.mid_m", self.mid_m)?;
+        check.point("path.end_m", self.end_m)?;
+        Ok(())
+    }
+}
+
+impl SqueezeTable {
+    fn check(&self, check: &Check<'_>) -> Result<(), Error> {
+        check.within("squeeze.amount", self.amount, 0.0, 1.0)?;
+        check.within("squeeze.lift_m", self.lift_m, 0.0, 1.0)?;
+        if self.steps == 0 {
+            return Err(check.value("squeeze.steps", 0, "at least 1"));
+        }
+        Ok(())
+    }
+}
+
+impl CaseTable {
+    /// The grippers of the case, whichever way they are written.
+    fn grippers(&self, check: &Check<'_>) -> Result<Vec<GripperTable>, Error> {
+        let place = format!("case {}", self.name);
+        let own_keys = [
+            ("volume", self.volume.is_some()),
+            ("tip_offset_m", self.tip_offset_m.is_some()),
+            ("start_node", self.start_node.is_some()),
+            ("start_offset_m", self.start_offset_m.is_some()),
+            ("start_xyzw", self.start_xyzw.is_some()),
+            ("end_xyzw", self.end_xyzw.is_some()),
+        ];
+        if !self.gripper.is_empty() {
+            let tip = ("tip_convention", self.tip_convention.is_some());
+            if let Some((key, _)) = own_keys.iter().chain([&tip]).find(|(_, given)| *given) {
+                let bound = "given in each [[case.gripper]], or the case has no [[case.gripper]]";
+                return Err(check.value(format!("{place}: {key}"), "given twice", bound));
+            }
+            return Ok(self.gripper.iter().map(GripperTable::copied).collect());
+        }
+        match (
+            &self.volume,
+            self.tip_offset_m,
+            self.start_node,
+            self.start_offset_m,
+            self.start_xyzw,
+            self.end_xyzw,
+        ) {
+            (
+                Some(volume),
+                Some(tip_offset_m),
+                Some(start_node),
+                Some(start_offset_m),
+                Some(start_xyzw),
+                Some(end_xyzw),
+            ) => Ok(vec![GripperTable {
+                volume: volume.clone(),
+                tip_offset_m,
+                tip_convention: self.tip_convention.unwrap_or_default(),
+                start_node,
+                start_offset_m,
+                start_xyzw,
+                end_xyzw,
+                mid_m: None,
+                end_m: None,
+            }]),
+            _ => {
+                let missing: Vec<&str> = own_keys
+                    .iter()
+                    .filter(|(_, given)| !given)
+                    .map(|(key, _)| *key)
+                    .collect();
+                Err(check.value(place, format!("without {}", missing.join(", ")), "complete"))
+            }
+        }
+    }
+}
+
+impl GripperTable {
+    fn copied(&self) -> Self {
+        Self {
+            volume: self.volume.clone(),
+            ..*self
+        }
+    }
+}

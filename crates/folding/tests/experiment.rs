@@ -1,0 +1,246 @@
+//! A small experiment, its files and its failures.
+#![allow(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use selvedge_folding::{Error, Event, Expected, Experiment, Options, Scenario, Solver, experiment};
+use selvedge_view::Recording;
+
+/// Three cases on 7 x 8 nodes: a corner, both corners by two grippers, and one that misses.
+const SMALL: &str = r#"
+schema = 1
+[cloth]
+sides_m = [0.12, 0.14]
+nodes = [7, 8]
+density_kg_per_m2 = 0.3046
+gravitational_density_kg_per_m2 = 0.139
+damping_kg_per_m2_s = 0.416
+bending_n_m = 2.5e-5
+friction_table = 0.2
+friction_cloth = 0.6
+thickness_m = 1e-3
+gravity_m_per_s2 = 9.8
+[time]
+frame_s = 0.02
+close_s = 0.1
+move_s = 0.2
+open_s = 0.6
+end_s = 0.8
+law = "quintic"
+[path]
+mid_m = [0.06, 0.07, 0.06]
+end_m = [0.06, -0.07, 0.02]
+keep_x = true
+orientation = "slerp"
+[squeeze]
+amount = 0.5
+lift_m = 2e-4
+steps = 4
+[[case]]
+name = "one"
+volume = { type = "box", size_m = [0.03, 0.03, 0.03] }
+tip_offset_m = [0.0, 0.0, -0.03]
+start_node = 55
+start_offset_m = [0.0, 0.0, 0.01]
+start_xyzw = [0.0, 0.0, 0.0, 1.0]
+end_xyzw = [0.0, 0.0, 0.0, 1.0]
+reference = "two"
+[[case]]
+name = "two"
+[[case.gripper]]
+volume = { type = "box", size_m = [0.03, 0.03, 0.03] }
+tip_offset_m = [0.0, 0.0, -0.03]
+start_node = 55
+start_offset_m = [0.0, 0.0, 0.01]
+start_xyzw = [0.0, 0.0, 0.0, 1.0]
+end_xyzw = [0.0, 0.0, 0.0, 1.0]
+[[case.gripper]]
+volume = { type = "pyramid", side_m = 0.03, height_m = -0.02 }
+tip_offset_m = [0.0, 0.0, -0.03]
+start_node = 49
+start_offset_m = [0.0, 0.0, 0.005]
+start_xyzw = [0.0, 0.0, 0.0, 1.0]
+end_xyzw = [0.0, 0.0, 0.3, 1.0]
+[[case]]
+name = "misses"
+volume = { type = "box", size_m = [0.01, 0.01, 0.01] }
+tip_offset_m = [0.0, 0.0, -0.03]
+start_node = 55
+start_offset_m = [0.0, 0.0, 0.05]
+start_xyzw = [0.0, 0.0, 0.0, 1.0]
+end_xyzw = [0.0, 0.0, 0.0, 1.0]
+"#;
+
+fn run_to(out: &Path, cases: &[&str], jobs: usize) -> Result<Experiment, Error> {
+    let scenario = Scenario::parse(SMALL, "small", "small.toml")?;
+    let options = Options {
+        cases: cases.iter().map(|&name| name.to_owned()).collect(),
+        solver: Solver::Published,
+        out: out.to_owned(),
+        jobs,
+    };
+    experiment(&scenario, &Expected::default(), &options, &|_| {
+        ControlFlow::Continue(())
+    })
+}
+
+/// Every file below a folder, by its path in it.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(path) = open.pop() {
+        for entry in std::fs::read_dir(path).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                let name = path
+                    .strip_prefix(folder)
+                    .unwrap()
+                    .to_string_lossy()
+                    .into_owned();
+                found.insert(name, std::fs::read(path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn files_are_the_same_bytes_with_any_number_of_jobs() {
+    let made = |jobs| {
+        let folder = tempfile::tempdir().unwrap();
+        run_to(folder.path(), &[], jobs).unwrap();
+        let mut files = files(folder.path());
+        assert!(files.remove("timings.csv").is_some());
+        files
+    };
+    let first = made(1);
+    let names: Vec<&str> = first.keys().map(String::as_str).collect();
+    assert_eq!(
+        names,
+        [
+            "curves.csv",
+            "curves.svg",
+            "published/misses.commands.csv",
+            "published/one.commands.csv",
+            "published/one.npz",
+            "published/two.gripper1.commands.csv",
+            "published/two.gripper2.commands.csv",
+            "published/two.npz",
+            "table.csv",
+            "table.md",
+        ]
+    );
+    for jobs in [1, 2, 3, 8] {
+        assert!(made(jobs) == first, "{jobs} jobs wrote other bytes");
+    }
+}
+
+#[test]
+fn a_case_that_grasps_nothing_is_a_row_with_its_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let result = run_to(folder.path(), &[], 2).unwrap();
+    assert!(!result.complete());
+    let outcome = |k: usize| &result.rows[k].0.outcome;
+    assert_eq!(outcome(0).as_ref().unwrap().support, [47, 48, 54, 55]);
+    assert!(outcome(1).is_ok());
+    let reason = outcome(2).as_ref().unwrap_err();
+    assert!(
+        reason.contains("closes on nothing at t = 0.1 s"),
+        "{reason}"
+    );
+    assert!(reason.contains("is 55, 0.0500 m away"), "{reason}");
+    let table = std::fs::read_to_string(folder.path().join("table.csv")).unwrap();
+    assert!(table.contains("closes on nothing"), "{table}");
+}
+
+#[test]
+fn a_reference_runs_with_its_case_and_only_then() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = |cases: &[&str]| {
+        let result = run_to(folder.path(), cases, 1).unwrap();
+        result
+            .rows
+            .into_iter()
+            .map(|(row, _)| row.case)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(names(&["one"]), ["one", "two"]);
+    assert_eq!(names(&["two"]), ["two"]);
+    let error = run_to(folder.path(), &["three"], 1)
+        .unwrap_err()
+        .to_string();
+    assert_eq!(
+        error,
+        "case three is not in small, which has one, two, misses"
+    );
+}
+
+#[test]
+fn two_grippers_are_recorded_side_by_side() {
+    let folder = tempfile::tempdir().unwrap();
+    run_to(folder.path(), &["two"], 1).unwrap();
+    let recording = Recording::read(folder.path().join("published/two.npz")).unwrap();
+    assert_eq!(
+        (recording.frame_count(), recording.gripper_count()),
+        (42, 2)
+    );
+    // Closed from step 5 (row 6) to step 29 (row 30), each node with the number of its gripper.
+    assert!(recording.grasped(5).iter().all(|&holder| holder == 0));
+    for row in [6, 30] {
+        let held = |number| {
+            (0..56)
+                .filter(|&k| recording.grasped(row)[k] == number)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(held(1), [47, 48, 54, 55]);
+        assert_eq!(held(2), [42, 43, 49, 50]);
+    }
+    assert!(recording.grasped(31).iter().all(|&holder| holder == 0));
+    assert_eq!(recording.grippers(6)[0].alpha, 0.25);
+    assert_eq!(recording.grippers(9)[1].alpha, 1.0);
+}
+
+#[test]
+fn stopping_leaves_whole_files_only() {
+    let scenario = Scenario::parse(SMALL, "small", "small.toml").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let options = Options {
+        cases: Vec::new(),
+        solver: Solver::Published,
+        out: folder.path().to_owned(),
+        jobs: 1,
+    };
+    let stop_in_the_second = |event: Event<'_>| match event {
+        Event::Step {
+            case: "two",
+            step: 20,
+        } => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    };
+    let result = experiment(
+        &scenario,
+        &Expected::default(),
+        &options,
+        &stop_in_the_second,
+    );
+    assert!(matches!(result, Err(Error::Stopped)));
+    let files = files(folder.path());
+    assert!(files.contains_key("published/one.npz"));
+    assert!(!files.contains_key("published/two.npz") && !files.contains_key("table.csv"));
+    assert!(files.keys().all(|name| !name.contains("tmp")));
+}
+
+#[test]
+fn a_folder_that_cannot_be_made_is_named_before_anything_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file");
+    std::fs::write(&file, "in the way").unwrap();
+    let error = run_to(&file.join("out"), &[], 1).unwrap_err();
+    assert!(matches!(error, Error::File { .. }));
+    assert!(error.to_string().contains("file/out/published"), "{error}");
+    assert_eq!(std::fs::read(&file).unwrap(), b"in the way");
+}

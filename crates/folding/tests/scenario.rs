@@ -1,0 +1,269 @@
+//! Scenario files that cannot be run, each with what its error must name.
+#![allow(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
+
+use std::path::Path;
+
+use selvedge_folding::Scenario;
+
+fn scenario_file(name: &str) -> String {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/scenarios");
+    std::fs::read_to_string(folder.join(name)).unwrap()
+}
+
+/// The message for the paper's scenario with one text replaced by another.
+fn refusal(old: &str, new: &str) -> String {
+    let text = scenario_file("corner_fold.toml");
+    assert!(text.contains(old), "{old:?} is not in the scenario");
+    let changed = text.replacen(old, new, 1);
+    let error = Scenario::parse(&changed, "corner_fold", "fold.toml").expect_err(new);
+    let message = error.to_string();
+    assert!(message.starts_with("fold.toml: "), "{message}");
+    message
+}
+
+#[test]
+fn the_kept_scenarios_load() {
+    for name in ["corner_fold.toml", "franka_fold.toml"] {
+        Scenario::parse(&scenario_file(name), "name", name).unwrap();
+    }
+    let scenario = Scenario::parse(&scenario_file("corner_fold.toml"), "name", "file").unwrap();
+    assert_eq!(scenario.steps, 661);
+    assert_eq!(
+        (scenario.time(60), scenario.time(300), scenario.time(660)),
+        (1.0, 5.0, 11.0)
+    );
+}
+
+// (replaced, by, what the message names: key, value, bound)
+const VALUES: &[(&str, &str, &[&str])] = &[
+    ("schema = 1", "schema = 2", &["schema", "2", "1"]),
+    (
+        "sides_m = [0.42, 0.59]",
+        "sides_m = [-0.42, 0.59]",
+        &["cloth.sides_m", "-0.42", "above 0"],
+    ),
+    (
+        "sides_m = [0.42, 0.59]",
+        "sides_m = [420.0, 590.0]",
+        &["cloth.sides_m", "420", "100"],
+    ),
+    (
+        "sides_m = [0.42, 0.59]",
+        "sides_m = [nan, 0.59]",
+        &["cloth.sides_m", "NaN", "above 0"],
+    ),
+    (
+        "nodes = [23, 28]",
+        "nodes = [1, 28]",
+        &["cloth.nodes", "[1, 28]", "at least 2"],
+    ),
+    (
+        "nodes = [23, 28]",
+        "nodes = [10000, 28000]",
+        &["cloth.nodes", "28000", "100000"],
+    ),
+    (
+        "friction_table = 0.2",
+        "friction_table = -0.2",
+        &["cloth.friction_table", "-0.2", "from 0"],
+    ),
+    (
+        "bending_n_m = 2.5e-5",
+        "bending_n_m = inf",
+        &["cloth.bending_n_m", "inf", "from 0"],
+    ),
+    (
+        "density_kg_per_m2 = 0.3046",
+        "density_kg_per_m2 = 0",
+        &["cloth.density_kg_per_m2", "0"],
+    ),
+    (
+        "substeps = 6",
+        "substeps = 0",
+        &["solver.published", "substeps", "0", "from 1"],
+    ),
+    (
+        "tolerance = 0.0075",
+        "tolerance = 0.0",
+        &["solver.published", "tolerance", "positive"],
+    ),
+    (
+        "close_s = 1.0",
+        "close_s = -1.0",
+        &["time.close_s", "-1", "not before 0, the start"],
+    ),
+    (
+        "move_s = 2.0",
+        "move_s = 0.5",
+        &["time.move_s", "0.5", "not before close_s (1 s)"],
+    ),
+    (
+        "open_s = 5.0",
+        "open_s = 2.0",
+        &["time.open_s", "2", "after move_s"],
+    ),
+    (
+        "end_s = 11.0",
+        "end_s = inf",
+        &["time.end_s", "inf", "finite"],
+    ),
+    (
+        "end_s = 11.0",
+        "end_s = 1e9",
+        &["time.end_s", "1000000000", "steps"],
+    ),
+    (
+        "frame_s = 0.016666666666666666",
+        "frame_s = 0.0",
+        &["time.frame_s", "0", "above 0"],
+    ),
+    (
+        "mid_m = [0.21, 0.295, 0.18]",
+        "mid_m = [0.21, 0.295, 180.0]",
+        &["mid_m", "180", "metres"],
+    ),
+    (
+        "mid_m = [0.21, 0.295, 0.18]",
+        "mid_m = [0.21, nan, 0.18]",
+        &["path.mid_m", "NaN", "finite"],
+    ),
+    (
+        "end_m = [0.21, -0.295, 0.04]",
+        "end_m = [0.21, -3.0, 0.04]",
+        &["end_m", "-3", "diagonal"],
+    ),
+    (
+        "amount = 0.5",
+        "amount = 1.5",
+        &["squeeze.amount", "1.5", "from 0 to 1"],
+    ),
+    (
+        "lift_m = 2e-4",
+        "lift_m = -1.0",
+        &["squeeze.lift_m", "-1", "from 0"],
+    ),
+    (
+        "steps = 10",
+        "steps = 0",
+        &["squeeze.steps", "0", "at least 1"],
+    ),
+    (
+        "side_m = 0.03",
+        "side_m = 0.0",
+        &["C1", "volume", "side", "0", "positive"],
+    ),
+    (
+        "height_m = -0.015",
+        "height_m = 0.0",
+        &["C1", "volume", "height", "0", "not zero"],
+    ),
+    (
+        "[0.03, 0.03, 0.03]",
+        "[0.03, 0.0, 0.03]",
+        &["C2", "volume.size_m", "0", "positive"],
+    ),
+    (
+        "start_node = 643",
+        "start_node = 644",
+        &["C1", "start_node", "644", "node count 644"],
+    ),
+    (
+        "start_offset_m = [0.0, 0.0, 0.01]",
+        "start_offset_m = [0.0, 0.0, 10.0]",
+        &["C1", "start_offset_m", "10"],
+    ),
+    (
+        "start_xyzw = [0.0, 0.0, -0.7071067811865475, 0.7071067811865476]",
+        "start_xyzw = [0.0, 0.0, 0.0, 0.0]",
+        &["C1", "start_xyzw", "0.0", "not zero"],
+    ),
+    (
+        "reference = \"C8\"",
+        "reference = \"C9\"",
+        &["C1", "reference", "C9"],
+    ),
+    (
+        "name = \"C2\"",
+        "name = \"C1\"",
+        &["case.name", "C1", "one case only"],
+    ),
+    (
+        "name = \"C2\"",
+        "name = \"../C2\"",
+        &["case.name", "../C2", "letters"],
+    ),
+];
+
+#[test]
+fn a_value_out_of_bounds_is_named_with_its_key_and_bound() {
+    for (old, new, words) in VALUES {
+        let message = refusal(old, new);
+        for word in *words {
+            assert!(
+                message.contains(word),
+                "{new}: {word:?} is not in {message:?}"
+            );
+        }
+    }
+}
+
+// (replaced, by, what the message names)
+const KEYS: &[(&str, &str, &[&str])] = &[
+    // A wrong unit is an unknown key.
+    ("sides_m =", "sides_mm =", &["sides_mm", "sides_m", "line"]),
+    ("lift_m = 2e-4", "lift_cm = 0.02", &["lift_cm", "lift_m"]),
+    (
+        "law = \"quintic\"",
+        "law = \"septic\"",
+        &["septic", "quintic"],
+    ),
+    (
+        "type = \"pyramid\"",
+        "type = \"sphere\"",
+        &["sphere", "pyramid"],
+    ),
+    ("substeps = 6", "substeps = 6.5", &["6.5", "u32"]),
+    ("substeps = 6", "substep = 6", &["substep", "substeps"]),
+    ("close_s = 1.0\n", "", &["close_s", "missing"]),
+    ("start_node = 643\n", "", &["case C1", "start_node"]),
+    ("keep_x = true", "keep_x = 1", &["keep_x", "1"]),
+    ("[time]", "[time", &["line"]),
+];
+
+#[test]
+fn an_unknown_missing_or_mistyped_key_is_named() {
+    for (old, new, words) in KEYS {
+        let message = refusal(old, new);
+        for word in *words {
+            assert!(
+                message.contains(word),
+                "{new}: {word:?} is not in {message:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let error = Scenario::load("nowhere/fold.toml").unwrap_err().to_string();
+    assert!(error.starts_with("nowhere/fold.toml: "), "{error}");
+}
+
+#[test]
+fn the_hash_follows_what_a_case_depends_on() {
+    let text = scenario_file("corner_fold.toml");
+    let hash = |text: &str, case: usize| {
+        Scenario::parse(text, "name", "file").unwrap().cases[case]
+            .input_hash
+            .clone()
+    };
+    let commented = text.replace("schema = 1", "# a remark\nschema   = 1");
+    let softer = text.replace("bending_n_m = 2.5e-5", "bending_n_m = 2.6e-5");
+    let other_case = text.replacen("[0.0, 0.0, 0.01]", "[0.0, 0.0, 0.011]", 1);
+    assert_eq!(hash(&text, 0).len(), 64);
+    assert_eq!(hash(&text, 0), hash(&commented, 0));
+    assert_ne!(hash(&text, 0), hash(&text, 1));
+    assert_ne!(hash(&text, 0), hash(&softer, 0));
+    assert_ne!(hash(&text, 0), hash(&other_case, 0));
+    assert_eq!(hash(&text, 1), hash(&other_case, 1));
+}
