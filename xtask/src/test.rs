@@ -6,7 +6,7 @@ use std::io::BufReader;
 use std::process::{ExitCode, Stdio};
 
 use anyhow::{Context, Result, ensure};
-use cargo_metadata::camino::{Utf8Path, Utf8PathBuf};
+use cargo_metadata::camino::Utf8PathBuf;
 use cargo_metadata::{Message, Metadata};
 
 use crate::report::{Outcome, Report, lacking};
@@ -35,7 +35,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 pub(crate) fn steps(metadata: &Metadata, with_python: bool, report: &mut Report) {
     let mut python = None;
-    report.step("Python environment", || {
+    report.step("Python for the numpy tests", || {
         if !with_python {
             return Ok(Outcome::Skipped("--no-python".into()));
         }
@@ -112,21 +112,16 @@ fn python_environment(metadata: &Metadata) -> Result<Utf8PathBuf> {
     let environment = metadata.target_directory.join("python");
     let python = environment.join("bin/python");
     let stamp = environment.join("requirements.txt");
-    if !is_current(&requirements, &stamp)
-        || succeed(&mut command(metadata, python.as_str(), "--version")).is_err()
-    {
+    let wanted = fs::read(&requirements).with_context(|| format!("cannot read {requirements}"))?;
+    let current = fs::read(&stamp).is_ok_and(|installed| installed == wanted);
+    if !current || succeed(&mut command(metadata, python.as_str(), "--version")).is_err() {
         let mut make = command(metadata, "python3", "-m venv --clear");
-        succeed(make.arg(&environment))?;
+        succeed(make.arg(&environment)).context("no virtual environment")?;
         let mut install = command(metadata, python.as_str(), "-m pip install --quiet");
-        succeed(install.arg("--requirement").arg(&requirements))?;
+        install.arg("--requirement").arg(&requirements);
+        succeed(&mut install).context("packages not installed")?;
         // Last, so that an environment made in part is made again.
-        fs::copy(&requirements, &stamp)?;
+        fs::write(&stamp, wanted)?;
     }
     Ok(python)
-}
-
-fn is_current(requirements: &Utf8Path, stamp: &Utf8Path) -> bool {
-    let same = |(a, b): (Vec<u8>, Vec<u8>)| a == b;
-    let both = fs::read(requirements).and_then(|a| Ok((a, fs::read(stamp)?)));
-    both.is_ok_and(same)
 }
