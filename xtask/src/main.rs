@@ -1,6 +1,15 @@
 //! Selvedge's commands; `cargo xtask help` lists them.
+//!
+//! The exit code is 0 when all is well, 1 when a check failed and 2 for bad input.
 
+#![forbid(unsafe_code)]
+
+mod ci;
 mod experiments;
+mod layers;
+mod report;
+mod test;
+mod workspace;
 
 use std::process::ExitCode;
 
@@ -17,11 +26,20 @@ struct Arguments {
 enum Command {
     /// Simulate the folds of a scenario and compare their errors.
     Experiments(experiments::Arguments),
+    /// Run every test, doctest and example.
+    Test(test::Arguments),
+    /// Check which crate needs which, and where heavy packages are named.
+    Layers,
+    /// Run all that CI runs: formatting, lints, layers, licences, documentation, tests.
+    Ci,
 }
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Experiments(arguments) => experiments::run(&arguments),
+        Command::Test(arguments) => test::run(&arguments),
+        Command::Layers => layers::run(),
+        Command::Ci => ci::run(),
     };
     result.unwrap_or_else(|error| {
         eprintln!("error: {error:#}");

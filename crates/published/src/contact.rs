@@ -27,7 +27,6 @@ struct Candidates {
     /// Reference positions and distances to the origin for the staleness test.
     reference: Vec<DVec3>,
     origin_distance: Vec<f64>,
-    rebuilds: u32,
 }
 
 impl Candidates {
@@ -36,7 +35,6 @@ impl Candidates {
         self.pairs.clone_from(&other.pairs);
         self.reference.copy_from_slice(&other.reference);
         self.origin_distance.copy_from_slice(&other.origin_distance);
-        self.rebuilds = other.rebuilds;
     }
 }
 
@@ -109,7 +107,6 @@ impl Contact {
             pairs: Vec::new(),
             reference: rest.to_vec(),
             origin_distance: vec![1.0; n],
-            rebuilds: 0,
         };
         Self {
             radius,
@@ -136,7 +133,6 @@ impl Contact {
         self.active.clear();
         self.candidates.reference.copy_from_slice(mesh.rest());
         self.candidates.origin_distance.fill(1.0);
-        self.candidates.rebuilds = 0;
     }
 
     /// The number of pairs corrected in the last substep.
@@ -153,11 +149,6 @@ impl Contact {
     pub(crate) fn recall(&mut self) {
         self.candidates.copy_from(&self.before);
         self.take_reference = false;
-    }
-
-    #[cfg(test)]
-    pub(crate) fn rebuild_count(&self) -> u32 {
-        self.candidates.rebuilds
     }
 
     /// Corrects `x` after the stretch solve of a pass.
@@ -200,7 +191,6 @@ impl Contact {
                 *d = x.length();
             }
             self.take_reference = true;
-            self.candidates.rebuilds += 1;
         }
         self.start.clear();
         self.start.extend(

@@ -1,0 +1,132 @@
+//! Every test of the project: unit tests, integration tests, doctests and the examples, which check
+//! their own results. Tests against Python programs get an environment under the target folder.
+
+use std::fs;
+use std::io::BufReader;
+use std::process::{ExitCode, Stdio};
+
+use anyhow::{Context, Result, ensure};
+use cargo_metadata::camino::{Utf8Path, Utf8PathBuf};
+use cargo_metadata::{Message, Metadata};
+
+use crate::report::{Outcome, Report, lacking};
+use crate::workspace::{self, all_crates, command, succeed};
+
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Make no Python environment; its tests run only where python3 has the packages.
+    #[arg(long)]
+    no_python: bool,
+}
+
+/// Examples that are run with arguments, in the root of the workspace; what they write goes into the
+/// target folder, `{target}`, and is checked by the tests of the code they call.
+const ARGUMENTS: &[(&str, &str)] = &[(
+    "conformance",
+    "fixtures/grasp/cases.json.gz {target}/conformance.json",
+)];
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let metadata = workspace::load()?;
+    let mut report = Report::default();
+    steps(&metadata, !arguments.no_python, &mut report);
+    Ok(report.finish())
+}
+
+pub(crate) fn steps(metadata: &Metadata, with_python: bool, report: &mut Report) {
+    let mut python = None;
+    report.step("Python environment", || {
+        if !with_python {
+            return Ok(Outcome::Skipped("--no-python".into()));
+        }
+        match python_environment(metadata) {
+            Ok(path) => python = Some(path),
+            Err(error) => return lacking(format!("{error:#}")),
+        }
+        Ok(Outcome::Passed)
+    });
+
+    report.step("tests and doctests", || {
+        let mut test = command(metadata, "cargo", "test --no-fail-fast");
+        test.args(all_crates(metadata).split_whitespace());
+        if let Some(python) = &python {
+            test.env("SELVEDGE_PYTHON", python);
+        }
+        succeed(&mut test)?;
+        Ok(Outcome::Passed)
+    });
+
+    let mut examples = Vec::new();
+    report.step("examples built", || {
+        examples = build_examples(metadata)?;
+        Ok(Outcome::Passed)
+    });
+    for (name, program) in examples {
+        report.step(&format!("example {name}"), || {
+            let arguments = ARGUMENTS.iter().find(|(example, _)| *example == name);
+            let arguments = arguments.map_or("", |(_, arguments)| arguments);
+            let mut example = command(metadata, program.as_str(), "");
+            let target = metadata.target_directory.as_str();
+            for argument in arguments.split_whitespace() {
+                example.arg(argument.replace("{target}", target));
+            }
+            succeed(&mut example)?;
+            Ok(Outcome::Passed)
+        });
+    }
+}
+
+/// Names and programs of all examples.
+fn build_examples(metadata: &Metadata) -> Result<Vec<(String, Utf8PathBuf)>> {
+    let mut build = command(
+        metadata,
+        "cargo",
+        "build --examples --message-format=json-render-diagnostics",
+    );
+    build.args(all_crates(metadata).split_whitespace());
+    let mut build = build.stdout(Stdio::piped()).spawn()?;
+    let output = build.stdout.take().context("cargo has no output")?;
+    let mut examples = Vec::new();
+    for message in Message::parse_stream(BufReader::new(output)) {
+        if let Message::CompilerArtifact(artifact) = message?
+            && artifact.target.is_example()
+        {
+            let name = artifact.target.name;
+            let program = artifact.executable;
+            let program = program.with_context(|| format!("example {name} is no program"))?;
+            examples.push((name, program));
+        }
+    }
+    let status = build.wait()?;
+    ensure!(status.success(), "cargo: {status}");
+    examples.sort();
+    Ok(examples)
+}
+
+/// The Python of an environment that holds what `python-requirements.txt` asks for. It is made anew
+/// when that file has changed or its Python has gone.
+fn python_environment(metadata: &Metadata) -> Result<Utf8PathBuf> {
+    let requirements = metadata
+        .workspace_root
+        .join("xtask/python-requirements.txt");
+    let environment = metadata.target_directory.join("python");
+    let python = environment.join("bin/python");
+    let stamp = environment.join("requirements.txt");
+    if !is_current(&requirements, &stamp)
+        || succeed(&mut command(metadata, python.as_str(), "--version")).is_err()
+    {
+        let mut make = command(metadata, "python3", "-m venv --clear");
+        succeed(make.arg(&environment))?;
+        let mut install = command(metadata, python.as_str(), "-m pip install --quiet");
+        succeed(install.arg("--requirement").arg(&requirements))?;
+        // Last, so that an environment made in part is made again.
+        fs::copy(&requirements, &stamp)?;
+    }
+    Ok(python)
+}
+
+fn is_current(requirements: &Utf8Path, stamp: &Utf8Path) -> bool {
+    let same = |(a, b): (Vec<u8>, Vec<u8>)| a == b;
+    let both = fs::read(requirements).and_then(|a| Ok((a, fs::read(stamp)?)));
+    both.is_ok_and(same)
+}
