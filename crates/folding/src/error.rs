@@ -7,12 +7,12 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum Error {
     /// A file could not be read or written.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {reason}", path.display())]
     File {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// A file is not TOML, or has a key that is unknown, missing or of another type.
     #[error("{file}: {message}")]
@@ -60,20 +60,20 @@ pub enum Error {
         distance: f64,
     },
     /// The gripper refused a command.
-    #[error("the gripper failed at t = {time} s: {source}")]
+    #[error("the gripper failed at t = {time} s: {reason}")]
     Gripper {
         /// When [s].
         time: f64,
         /// Why.
-        source: selvedge_grasp::Error,
+        reason: selvedge_grasp::Error,
     },
     /// The cloth failed.
-    #[error("the cloth failed at t = {time} s: {source}")]
+    #[error("the cloth failed at t = {time} s: {reason}")]
     Simulator {
         /// When [s].
         time: f64,
         /// Why.
-        source: selvedge_math::SimulatorError,
+        reason: selvedge_math::SimulatorError,
     },
     /// The solver refused the cloth.
     #[error(transparent)]

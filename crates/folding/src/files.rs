@@ -11,9 +11,9 @@ use crate::{Case, Error, Scenario, Timing};
 
 /// Makes the folder and finds out now, not after the run, whether it can be written to.
 pub(crate) fn make_folder(folder: &Path) -> Result<(), Error> {
-    let failed = |source| Error::File {
+    let failed = |reason| Error::File {
         path: folder.to_owned(),
-        source,
+        reason,
     };
     std::fs::create_dir_all(folder).map_err(failed)?;
     let probe = folder.join(format!(".writable.{}", std::process::id()));

@@ -72,7 +72,7 @@ pub fn run(
     let mut cloth = solver.build(scenario)?;
     let mesh = &scenario.mesh;
     let mut guard = Guard::new(view(scenario, mesh.rest()), SLACK)
-        .map_err(|source| Error::Gripper { time: 0.0, source })?;
+        .map_err(|reason| Error::Gripper { time: 0.0, reason })?;
     let mut grippers = Grippers::new(
         case.grippers
             .iter()
@@ -133,17 +133,17 @@ pub fn run(
                 view(scenario, cloth.positions()),
                 options,
             )
-            .map_err(|source| Error::Gripper { time, source })?;
+            .map_err(|reason| Error::Gripper { time, reason })?;
         let over = guard
             .check(held)
-            .map_err(|source| Error::Gripper { time, source })?;
+            .map_err(|reason| Error::Gripper { time, reason })?;
         result.overstretch = result.overstretch.or(over.first().copied());
 
         // Cloth
         let before = Instant::now();
         let report = cloth
             .step(held, scenario.frame)
-            .map_err(|source| Error::Simulator { time, source })?;
+            .map_err(|reason| Error::Simulator { time, reason })?;
         spent += before.elapsed();
 
         // What happened
@@ -286,9 +286,9 @@ fn time_gripper(scenario: &Scenario, case: &Case, recording: &Recording) -> Resu
     let (mut closing, mut closings) = (Duration::ZERO, 0);
     let (mut carrying, mut carried) = (Duration::ZERO, 0);
     let failed = |step| {
-        move |source| Error::Gripper {
+        move |reason| Error::Gripper {
             time: scenario.time(step),
-            source,
+            reason,
         }
     };
     for _ in 0..REPEATS {

@@ -64,9 +64,9 @@ impl Scenario {
     /// [`Error::File`], [`Error::Syntax`] or [`Error::Value`], each naming the file and the key.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
-        let text = std::fs::read_to_string(path).map_err(|source| Error::File {
+        let text = std::fs::read_to_string(path).map_err(|reason| Error::File {
             path: path.to_owned(),
-            source,
+            reason,
         })?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         Self::parse(&text, &stem, &path.display().to_string())

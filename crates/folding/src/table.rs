@@ -74,7 +74,7 @@ impl Expected {
                 message: error.to_string(),
             }),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Self::default()),
-            Err(source) => Err(Error::File { path, source }),
+            Err(reason) => Err(Error::File { path, reason }),
         }
     }
 }

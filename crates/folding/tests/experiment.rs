@@ -8,70 +8,7 @@ use std::path::Path;
 use selvedge_folding::{Error, Event, Expected, Experiment, Options, Scenario, Solver, experiment};
 use selvedge_view::Recording;
 
-/// Three cases on 7 x 8 nodes: a corner, both corners by two grippers, and one that misses.
-const SMALL: &str = r#"
-schema = 1
-[cloth]
-sides_m = [0.12, 0.14]
-nodes = [7, 8]
-density_kg_per_m2 = 0.3046
-gravitational_density_kg_per_m2 = 0.139
-damping_kg_per_m2_s = 0.416
-bending_n_m = 2.5e-5
-friction_table = 0.2
-friction_cloth = 0.6
-thickness_m = 1e-3
-gravity_m_per_s2 = 9.8
-[time]
-frame_s = 0.02
-close_s = 0.1
-move_s = 0.2
-open_s = 0.6
-end_s = 0.8
-law = "quintic"
-[path]
-mid_m = [0.06, 0.07, 0.06]
-end_m = [0.06, -0.07, 0.02]
-keep_x = true
-orientation = "slerp"
-[squeeze]
-amount = 0.5
-lift_m = 2e-4
-steps = 4
-[[case]]
-name = "one"
-volume = { type = "box", size_m = [0.03, 0.03, 0.03] }
-tip_offset_m = [0.0, 0.0, -0.03]
-start_node = 55
-start_offset_m = [0.0, 0.0, 0.01]
-start_xyzw = [0.0, 0.0, 0.0, 1.0]
-end_xyzw = [0.0, 0.0, 0.0, 1.0]
-reference = "two"
-[[case]]
-name = "two"
-[[case.gripper]]
-volume = { type = "box", size_m = [0.03, 0.03, 0.03] }
-tip_offset_m = [0.0, 0.0, -0.03]
-start_node = 55
-start_offset_m = [0.0, 0.0, 0.01]
-start_xyzw = [0.0, 0.0, 0.0, 1.0]
-end_xyzw = [0.0, 0.0, 0.0, 1.0]
-[[case.gripper]]
-volume = { type = "pyramid", side_m = 0.03, height_m = -0.02 }
-tip_offset_m = [0.0, 0.0, -0.03]
-start_node = 49
-start_offset_m = [0.0, 0.0, 0.005]
-start_xyzw = [0.0, 0.0, 0.0, 1.0]
-end_xyzw = [0.0, 0.0, 0.3, 1.0]
-[[case]]
-name = "misses"
-volume = { type = "box", size_m = [0.01, 0.01, 0.01] }
-tip_offset_m = [0.0, 0.0, -0.03]
-start_node = 55
-start_offset_m = [0.0, 0.0, 0.05]
-start_xyzw = [0.0, 0.0, 0.0, 1.0]
-end_xyzw = [0.0, 0.0, 0.0, 1.0]
-"#;
+const SMALL: &str = include_str!("../../../fixtures/tests/small_fold.toml");
 
 fn run_to(out: &Path, cases: &[&str], jobs: usize) -> Result<Experiment, Error> {
     let scenario = Scenario::parse(SMALL, "small", "small.toml")?;

@@ -1,11 +1,13 @@
 //! How long does a carrying step take, by the number of held nodes?
 
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use selvedge_grasp::{
     ClothView, Command, DQuat, DVec3, GraspVolume, Gripper, Jaw, Pose, Shape, Squeeze,
 };
+use selvedge_trajectory::{Orientation, QuadBezier, Sweep};
 
 const DT: f64 = 1.0 / 60.0;
 
@@ -64,5 +66,39 @@ fn pose_given(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(group, pose_given);
+/// What a fold pays in each step: the pose from the trajectory, targets and velocities, and the
+/// targets written to the cloth.
+fn fold_step(criterion: &mut Criterion) {
+    for (name, orientation) in [("nlerp", Orientation::Nlerp), ("slerp", Orientation::Slerp)] {
+        let path = QuadBezier {
+            start: DVec3::new(0.21, 0.316, 0.037),
+            mid: DVec3::new(0.21, 0.295, 0.217),
+            end: DVec3::new(0.21, -0.295, 0.077),
+        };
+        let to = DQuat::from_rotation_z(-FRAC_PI_2);
+        let from = to * DQuat::from_rotation_y(-FRAC_PI_4);
+        let sweep = Sweep::new(path, from, to, orientation, DVec3::ZERO).expect("finite numbers");
+        for count in [1, 2, 4, 64] {
+            let mut positions = positions(count);
+            let mut gripper = closed_on(&positions);
+            let mut k = 0;
+            criterion.bench_function(&format!("step/{name}/{count}"), |bencher| {
+                bencher.iter(|| {
+                    k = (k + 1) % 180;
+                    let pose = sweep.pose(f64::from(k) / 180.0);
+                    let jaw = Jaw::Closed;
+                    let held = gripper.step(Command { pose, jaw }, DT, view(&positions));
+                    if let Ok(held) = held {
+                        for (&node, &target) in held.nodes.iter().zip(held.targets) {
+                            positions[node as usize] = target;
+                        }
+                    }
+                    black_box(&mut positions);
+                });
+            });
+        }
+    }
+}
+
+criterion_group!(group, pose_given, fold_step);
 criterion_main!(group);

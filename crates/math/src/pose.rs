@@ -94,6 +94,7 @@ impl Pose {
     }
 
     /// The rotation matrix `R(q)`; worth building when many points are mapped.
+    #[inline]
     pub fn rotation_matrix(&self) -> DMat3 {
         DMat3::from_quat(self.rotation)
     }

@@ -188,8 +188,9 @@ impl fmt::Display for SimulatorError {
 impl Error for SimulatorError {
     fn source(&self) -> Option<&(dyn Error + 'static)> {
         match self {
-            Self::Held(error) => Some(error),
-            Self::Failed(error) => Some(&**error),
+            // Their own text is that of this error.
+            Self::Held(error) => error.source(),
+            Self::Failed(error) => error.source(),
             _ => None,
         }
     }

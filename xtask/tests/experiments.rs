@@ -1,0 +1,195 @@
+//! The command as a user sees it: exit status, messages, and what is left in the folder.
+#![allow(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const XTASK: &str = env!("CARGO_BIN_EXE_xtask");
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../fixtures")
+        .join(name)
+}
+
+fn experiments(arguments: &[&str], scenario: &Path, out: &Path) -> Output {
+    Command::new(XTASK)
+        .arg("experiments")
+        .args(arguments)
+        .arg("--scenario")
+        .arg(scenario)
+        .arg("--out")
+        .arg(out)
+        .output()
+        .unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Names of the files below a folder.
+fn files(folder: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(path) = open.pop() {
+        for entry in std::fs::read_dir(path).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                found.push(path.file_name().unwrap().to_string_lossy().into_owned());
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn finished_cases_end_with_status_0_and_a_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = experiments(&["one"], &fixture("tests/small_fold.toml"), folder.path());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let table = text(&output.stdout);
+    assert!(
+        table.contains("4 nodes: 47 48 54 55") && table.contains("8 nodes"),
+        "{table}"
+    );
+    assert!(text(&output.stderr).contains("one done"));
+    assert!(
+        !table.contains('\u{1b}'),
+        "no colours when the output is piped"
+    );
+    let quiet = experiments(
+        &["one", "--quiet"],
+        &fixture("tests/small_fold.toml"),
+        folder.path(),
+    );
+    assert!(quiet.stderr.is_empty(), "{}", text(&quiet.stderr));
+}
+
+#[test]
+fn a_failed_case_ends_with_status_2_and_the_others_are_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = experiments(&[], &fixture("tests/small_fold.toml"), folder.path());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stdout).contains("closes on nothing at t = 0.1 s"));
+    let files = files(folder.path());
+    for name in ["one.npz", "two.npz", "table.csv", "curves.svg"] {
+        assert!(
+            files.contains(&name.to_owned()),
+            "{name} is not in {files:?}"
+        );
+    }
+}
+
+#[test]
+fn bad_input_ends_with_status_2_and_writes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = folder.path().join("bad.toml");
+    let good = std::fs::read_to_string(fixture("tests/small_fold.toml")).unwrap();
+    std::fs::write(&scenario, good.replace("nodes = [7, 8]", "nodes = [1, 8]")).unwrap();
+    let out = folder.path().join("out");
+    let output = experiments(&[], &scenario, &out);
+    assert_eq!(output.status.code(), Some(2));
+    let message = text(&output.stderr);
+    assert!(
+        message.contains("bad.toml: cloth.nodes = [1, 8], must be at least 2"),
+        "{message}"
+    );
+    assert!(!out.exists());
+
+    let output = experiments(&["C9"], &fixture("tests/small_fold.toml"), &out);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("case C9 is not in small_fold, which has one, two"));
+    assert!(!out.exists());
+
+    let output = experiments(
+        &["--solver", "magic"],
+        &fixture("tests/small_fold.toml"),
+        &out,
+    );
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
+fn a_folder_in_the_way_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("file");
+    std::fs::write(&out, "in the way").unwrap();
+    let output = experiments(&[], &fixture("tests/small_fold.toml"), &out);
+    assert_eq!(output.status.code(), Some(2));
+    let message = text(&output.stderr);
+    assert!(
+        message.contains("file/published") && message.contains("ot a directory"),
+        "{message}"
+    );
+}
+
+/// A limit on the size of files stands for a full disk: writing fails half way in the same place.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_named_and_leaves_nothing_half_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new("sh")
+        .args([
+            "-c",
+            "trap '' XFSZ; ulimit -f 16; exec \"$@\"",
+            "sh",
+            XTASK,
+            "experiments",
+            "one",
+        ])
+        .arg("--scenario")
+        .arg(fixture("tests/small_fold.toml"))
+        .arg("--out")
+        .arg(folder.path())
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+    let message = text(&output.stderr);
+    assert!(
+        message.contains(".npz cannot be written") && message.contains("large"),
+        "{message}"
+    );
+    let files = files(folder.path());
+    assert!(
+        files.iter().all(|name| name.ends_with(".commands.csv")),
+        "{files:?}"
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_stops_with_status_130_and_leaves_whole_files_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let child = Command::new(XTASK)
+        .args(["experiments", "--jobs", "1", "--scenario"])
+        .arg(fixture("scenarios/corner_fold.toml"))
+        .arg("--out")
+        .arg(folder.path())
+        .stderr(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The first case is running once its commands are there.
+    let started = Instant::now();
+    while !folder.path().join("published/C1.commands.csv").exists() {
+        assert!(
+            started.elapsed() < Duration::from_secs(60),
+            "the first case never started"
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let killed = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status()
+        .unwrap();
+    assert!(killed.success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("stopped"));
+    assert_eq!(files(folder.path()), ["C1.commands.csv"]);
+}
