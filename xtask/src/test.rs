@@ -21,10 +21,16 @@ pub(crate) struct Arguments {
 
 /// Examples that are run with arguments, in the root of the workspace; what they write goes into the
 /// target folder, `{target}`, and is checked by the tests of the code they call.
-const ARGUMENTS: &[(&str, &str)] = &[(
-    "conformance",
-    "fixtures/grasp/cases.json.gz {target}/conformance.json",
-)];
+const ARGUMENTS: &[(&str, &str)] = &[
+    (
+        "conformance",
+        "fixtures/grasp/cases.json.gz {target}/conformance.json",
+    ),
+    (
+        "kinematics",
+        "fixtures/tests/kinematics.json {target}/kinematics.json",
+    ),
+];
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let metadata = workspace::load()?;

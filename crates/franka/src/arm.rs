@@ -1,0 +1,304 @@
+//! An arm read from URDF: the only file that names urdf-rs.
+
+use std::path::Path;
+
+use selvedge_math::{DMat3, DQuat, DVec3, Pose};
+use urdf_rs::JointType;
+
+use crate::inverse::Geometry;
+use crate::{Error, Limits};
+
+/// Longest URDF text that is read [bytes].
+const MAX_TEXT: usize = 16 << 20;
+/// Longest chain of joints, fixed ones included.
+const MAX_CHAIN: usize = 1000;
+
+/// A serial arm from a base link to a tip link.
+///
+/// Fixed joints are merged, so there is one joint for each number of a configuration. Metres,
+/// radians; poses are those of a link in the base link.
+///
+/// ```
+/// use selvedge_franka::Arm;
+/// let arm = Arm::fr3();
+/// assert_eq!(arm.joints().len(), 7);
+/// // Straight up but for the offset of the wrist, hand pointing down.
+/// let pose = arm.forward(&[0.0; 7]);
+/// assert!((pose.position() - selvedge_math::DVec3::new(0.088, 0.0, 0.8226)).length() < 1e-12);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Arm {
+    name: String,
+    joints: Vec<Joint>,
+    links: Vec<Link>,
+    /// From the last joint's frame to the tip.
+    tool: Pose,
+    geometry: Option<Geometry>,
+}
+
+/// A joint that moves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Its name in the URDF.
+    pub name: String,
+    /// How it moves.
+    pub kind: JointKind,
+    /// Its frame at zero in the frame of the joint before it, or in the base link.
+    pub origin: Pose,
+    /// Unit axis in its own frame.
+    pub axis: DVec3,
+    /// How far and how fast it goes.
+    pub limits: Limits,
+    /// `origin` as a matrix.
+    pub(crate) rotation: DMat3,
+}
+
+/// How a joint moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JointKind {
+    /// Turns within limits [rad].
+    Revolute,
+    /// Turns without limits [rad].
+    Continuous,
+    /// Slides within limits [m].
+    Prismatic,
+}
+
+/// A link on the way, fixed to the frame of a joint.
+#[derive(Clone, Debug)]
+struct Link {
+    name: String,
+    /// How many joints come before it.
+    joints: usize,
+    /// From the frame of the last of them.
+    offset: Pose,
+}
+
+impl Arm {
+    /// The Franka Research 3 from `fr3_link0` to `fr3_hand_tcp`.
+    pub fn fr3() -> Self {
+        let text = include_str!("../../../fixtures/franka/fr3.urdf");
+        built_in(text, "fr3_link0", "fr3_hand_tcp")
+    }
+
+    /// The Franka Emika Robot ("Panda") from `fer_link0` to `fer_hand_tcp`.
+    pub fn fer() -> Self {
+        let text = include_str!("../../../fixtures/franka/fer.urdf");
+        built_in(text, "fer_link0", "fer_hand_tcp")
+    }
+
+    /// Reads a URDF file; as [`Arm::from_urdf`].
+    ///
+    /// # Errors
+    /// [`Error::Read`], and those of [`Arm::from_urdf`].
+    pub fn load(path: impl AsRef<Path>, base: &str, tip: &str) -> Result<Self, Error> {
+        let path = path.as_ref();
+        let text = std::fs::read_to_string(path).map_err(|reason| Error::Read {
+            path: path.to_owned(),
+            reason,
+        })?;
+        Self::from_urdf(&text, base, tip)
+    }
+
+    /// The serial arm from link `base` to link `tip` of a URDF text.
+    ///
+    /// # Errors
+    /// [`Error::Urdf`] for text that is not URDF or too long, [`Error::Xacro`] for macros that were
+    /// not expanded, [`Error::NoLink`], [`Error::NoChain`] when the tip does not hang on the base,
+    /// [`Error::Loop`], and [`Error::Joint`] for a joint of the chain that cannot be used.
+    pub fn from_urdf(text: &str, base: &str, tip: &str) -> Result<Self, Error> {
+        if text.len() > MAX_TEXT {
+            let reason = format!("{} bytes, at most {MAX_TEXT} are read", text.len());
+            return Err(Error::Urdf(reason));
+        }
+        if text.contains("<xacro:") {
+            return Err(Error::Xacro);
+        }
+        let robot =
+            urdf_rs::read_from_string(text).map_err(|error| Error::Urdf(error.to_string()))?;
+        for link in [base, tip] {
+            if !robot.links.iter().any(|other| other.name == link) {
+                return Err(Error::NoLink(link.to_owned()));
+            }
+        }
+        let chain = chain(&robot, base, tip)?;
+
+        let mut joints = Vec::new();
+        let mut offset = Pose::IDENTITY;
+        let mut links = vec![Link {
+            name: base.to_owned(),
+            joints: 0,
+            offset,
+        }];
+        for joint in chain {
+            let refuse = |reason: &str| Error::Joint {
+                joint: joint.name.clone(),
+                reason: reason.to_owned(),
+            };
+            offset = offset * origin(joint).map_err(|reason| refuse(&reason))?;
+            let kind = match joint.joint_type {
+                JointType::Fixed => None,
+                JointType::Revolute => Some(JointKind::Revolute),
+                JointType::Continuous => Some(JointKind::Continuous),
+                JointType::Prismatic => Some(JointKind::Prismatic),
+                _ => {
+                    return Err(refuse(
+                        "has a type that is not fixed, revolute, continuous or prismatic",
+                    ));
+                }
+            };
+            if let Some(kind) = kind {
+                if joint.mimic.is_some() {
+                    return Err(refuse(
+                        "mimics another joint; a serial arm has none that do",
+                    ));
+                }
+                let axis = DVec3::from_array(*joint.axis.xyz);
+                if !axis.is_finite() || axis.length() < 1e-9 {
+                    return Err(refuse("has an axis that is zero or not finite"));
+                }
+                joints.push(Joint {
+                    name: joint.name.clone(),
+                    kind,
+                    origin: offset,
+                    axis: axis.normalize(),
+                    limits: limits(joint, kind).map_err(|reason| refuse(&reason))?,
+                    rotation: offset.rotation_matrix(),
+                });
+                offset = Pose::IDENTITY;
+            }
+            links.push(Link {
+                name: joint.child.link.clone(),
+                joints: joints.len(),
+                offset,
+            });
+        }
+        if joints.is_empty() {
+            return Err(Error::NoChain {
+                base: base.to_owned(),
+                tip: tip.to_owned(),
+            });
+        }
+        let geometry = Geometry::of(&joints);
+        Ok(Self {
+            name: robot.name,
+            joints,
+            links,
+            tool: offset,
+            geometry,
+        })
+    }
+
+    /// The robot's name in the URDF.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The joints that move, from the base on.
+    pub fn joints(&self) -> &[Joint] {
+        &self.joints
+    }
+
+    /// From the frame of the last joint to the tip link.
+    pub fn tool(&self) -> Pose {
+        self.tool
+    }
+
+    /// The links on the way from base to tip.
+    pub fn links(&self) -> impl Iterator<Item = &str> {
+        self.links.iter().map(|link| link.name.as_str())
+    }
+
+    /// How many joints come before a link, and the link's pose in the frame of the last of them.
+    pub(crate) fn link(&self, name: &str) -> Option<(usize, Pose)> {
+        let link = self.links.iter().find(|link| link.name == name)?;
+        Some((link.joints, link.offset))
+    }
+
+    /// The lengths that the exact inverse needs, if the arm has the shape of a Franka.
+    pub(crate) fn geometry(&self) -> Option<&Geometry> {
+        self.geometry.as_ref()
+    }
+}
+
+/// Reads a description that the tests have read before.
+fn built_in(text: &str, base: &str, tip: &str) -> Arm {
+    match Arm::from_urdf(text, base, tip) {
+        Ok(arm) => arm,
+        Err(error) => unreachable!("a built-in description is sound: {error}"),
+    }
+}
+
+/// The joints from base to tip.
+fn chain<'a>(
+    robot: &'a urdf_rs::Robot,
+    base: &str,
+    tip: &str,
+) -> Result<Vec<&'a urdf_rs::Joint>, Error> {
+    let mut chain = Vec::new();
+    let mut link = tip;
+    while link != base {
+        let mut parents = robot.joints.iter().filter(|joint| joint.child.link == link);
+        let Some(joint) = parents.next() else {
+            return Err(Error::NoChain {
+                base: base.to_owned(),
+                tip: tip.to_owned(),
+            });
+        };
+        if parents.next().is_some() || chain.len() >= MAX_CHAIN.min(robot.joints.len()) {
+            return Err(Error::Loop(link.to_owned()));
+        }
+        if !robot
+            .links
+            .iter()
+            .any(|other| other.name == joint.parent.link)
+        {
+            return Err(Error::NoLink(joint.parent.link.clone()));
+        }
+        chain.push(joint);
+        link = &joint.parent.link;
+    }
+    chain.reverse();
+    Ok(chain)
+}
+
+/// URDF's fixed-axis angles: `R = Rz(yaw) Ry(pitch) Rx(roll)`.
+fn origin(joint: &urdf_rs::Joint) -> Result<Pose, String> {
+    let [roll, pitch, yaw] = *joint.origin.rpy;
+    let rotation =
+        DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
+    Pose::new(DVec3::from_array(*joint.origin.xyz), rotation)
+        .map_err(|error| format!("has an origin that cannot be used: {error}"))
+}
+
+fn limits(joint: &urdf_rs::Joint, kind: JointKind) -> Result<Limits, String> {
+    let limit = &joint.limit;
+    let (lower, upper) = match kind {
+        JointKind::Continuous => (f64::NEG_INFINITY, f64::INFINITY),
+        JointKind::Revolute | JointKind::Prismatic => (limit.lower, limit.upper),
+    };
+    if lower.is_nan() || upper.is_nan() || lower > upper {
+        return Err(format!(
+            "has limits from {lower} to {upper}, lower must not be above upper"
+        ));
+    }
+    let velocity = if limit.velocity > 0.0 {
+        limit.velocity
+    } else {
+        f64::INFINITY
+    };
+    let effort = if limit.effort > 0.0 {
+        limit.effort
+    } else {
+        f64::INFINITY
+    };
+    if velocity.is_nan() || effort.is_nan() {
+        return Err("has a velocity or effort limit that is not a number".to_owned());
+    }
+    Ok(Limits {
+        lower,
+        upper,
+        velocity,
+        effort,
+    })
+}

@@ -1,0 +1,146 @@
+//! From joint positions to poses and velocities.
+
+use selvedge_math::{DMat3, DQuat, DVec3, Pose};
+
+use crate::arm::{Arm, Joint, JointKind};
+
+/// A rotation matrix and an origin [m]: cheaper than a pose to chain.
+#[derive(Clone, Copy)]
+struct Frame {
+    rotation: DMat3,
+    origin: DVec3,
+}
+
+impl Frame {
+    const BASE: Self = Self {
+        rotation: DMat3::IDENTITY,
+        origin: DVec3::ZERO,
+    };
+
+    /// The frame of the next joint.
+    #[inline]
+    fn after(&self, joint: &Joint, q: f64) -> Self {
+        let origin = self.origin + self.rotation * joint.origin.position();
+        let rotation = self.rotation * joint.rotation;
+        match joint.kind {
+            JointKind::Prismatic => Self {
+                origin: origin + q * (rotation * joint.axis),
+                rotation,
+            },
+            // Nearly every joint turns about its z axis.
+            _ if joint.axis == DVec3::Z => {
+                let (sin, cos) = q.sin_cos();
+                let (x, y) = (rotation.x_axis, rotation.y_axis);
+                let rotation =
+                    DMat3::from_cols(cos * x + sin * y, cos * y - sin * x, rotation.z_axis);
+                Self { origin, rotation }
+            }
+            _ => Self {
+                origin,
+                rotation: rotation * DMat3::from_axis_angle(joint.axis, q),
+            },
+        }
+    }
+
+    fn pose(&self, offset: Pose) -> Pose {
+        let rotation = DQuat::from_mat3(&self.rotation) * offset.rotation();
+        Pose::from_unit(
+            self.origin + self.rotation * offset.position(),
+            rotation / rotation.length(),
+        )
+    }
+}
+
+impl Arm {
+    /// The pose of the tip in the base link.
+    ///
+    /// # Panics
+    /// When `q` has not one entry a joint.
+    pub fn forward(&self, q: &[f64]) -> Pose {
+        assert_eq!(q.len(), self.joints().len(), "one position a joint");
+        let frame = self
+            .joints()
+            .iter()
+            .zip(q)
+            .fold(Frame::BASE, |f, (joint, &q)| f.after(joint, q));
+        frame.pose(self.tool())
+    }
+
+    /// The pose of a link between base and tip in the base link, or none if there is no such link.
+    ///
+    /// # Panics
+    /// When `q` has not one entry a joint.
+    pub fn link_pose(&self, q: &[f64], link: &str) -> Option<Pose> {
+        assert_eq!(q.len(), self.joints().len(), "one position a joint");
+        let (count, offset) = self.link(link)?;
+        let joints = self.joints().iter().zip(q).take(count);
+        Some(
+            joints
+                .fold(Frame::BASE, |f, (joint, &q)| f.after(joint, q))
+                .pose(offset),
+        )
+    }
+
+    /// The pose of the tip and the geometric Jacobian: column `i` is the velocity of the tip for
+    /// unit velocity of joint `i`, first the linear velocity of the tip's origin [m/s], then the
+    /// angular velocity [rad/s], both along the axes of the base link.
+    ///
+    /// # Panics
+    /// When `q` or `columns` has not one entry a joint.
+    pub fn jacobian(&self, q: &[f64], columns: &mut [[f64; 6]]) -> Pose {
+        let joints = self.joints();
+        assert_eq!(q.len(), joints.len(), "one position a joint");
+        assert_eq!(columns.len(), joints.len(), "one column a joint");
+        let mut frame = Frame::BASE;
+        // First pass: the axis and a point on it.
+        for ((joint, &q), column) in joints.iter().zip(q).zip(&mut *columns) {
+            frame = frame.after(joint, q);
+            let axis = frame.rotation * joint.axis;
+            *column = pair(frame.origin, axis);
+        }
+        let tip = frame.pose(self.tool());
+        // Second pass, now that the tip is known: a turning joint moves it across its lever.
+        for (joint, column) in joints.iter().zip(columns) {
+            let [origin, axis] = [0, 3].map(|k| DVec3::from_slice(&column[k..k + 3]));
+            *column = match joint.kind {
+                JointKind::Prismatic => pair(axis, DVec3::ZERO),
+                _ => pair(axis.cross(tip.position() - origin), axis),
+            };
+        }
+        tip
+    }
+}
+
+fn pair(a: DVec3, b: DVec3) -> [f64; 6] {
+    [a.x, a.y, a.z, b.x, b.y, b.z]
+}
+
+/// Yoshikawa's manipulability `sqrt(det(J J^T))`; 0 where some tip velocity is out of reach. Its unit
+/// is a mixture, so compare it between configurations of one arm only.
+pub fn manipulability(columns: &[[f64; 6]]) -> f64 {
+    let mut gram = [[0.0; 6]; 6];
+    for column in columns {
+        for (r, row) in gram.iter_mut().enumerate() {
+            for (c, value) in row.iter_mut().enumerate() {
+                *value += column[r] * column[c];
+            }
+        }
+    }
+    // The determinant is the product of the pivots of the Cholesky factorisation.
+    let mut determinant = 1.0;
+    for k in 0..6 {
+        let pivot = gram[k][k];
+        if pivot.is_nan() || pivot <= 0.0 {
+            return 0.0;
+        }
+        determinant *= pivot;
+        let pivot_row = gram[k];
+        for row in &mut gram[k + 1..] {
+            let factor = row[k] / pivot;
+            for (value, above) in row[k..].iter_mut().zip(&pivot_row[k..]) {
+                *value -= factor * above;
+            }
+        }
+    }
+    f64::sqrt(determinant)
+}

@@ -1,0 +1,14 @@
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+mod arm;
+mod error;
+mod forward;
+mod inverse;
+mod limits;
+
+pub use arm::{Arm, Joint, JointKind};
+pub use error::Error;
+pub use forward::manipulability;
+pub use inverse::{Joints, Solution, Solutions};
+pub use limits::Limits;
