@@ -12,7 +12,7 @@ fn kinematics(c: &mut Criterion) {
     let mut columns = [[0.0; 6]; 7];
     c.bench_function("forward", |b| b.iter(|| arm.forward(black_box(&q))));
     c.bench_function("jacobian", |b| {
-        b.iter(|| black_box(arm.jacobian(black_box(&q), &mut columns)))
+        b.iter(|| black_box(arm.jacobian(black_box(&q), &mut columns)));
     });
     c.bench_function("inverse, q7 given", |b| {
         b.iter(|| arm.inverse(black_box(&target), q[6], 0.0));
