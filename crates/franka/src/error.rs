@@ -45,6 +45,9 @@ pub enum Error {
     /// The exact inverse was asked of an arm of another shape.
     #[error("{0} has not the shape of a Franka arm, for which alone the exact inverse is")]
     NotFranka(String),
+    /// The start of a numeric solve cannot be used.
+    #[error("the start {0}")]
+    Start(String),
     /// A joint position is infinite or not a number.
     #[error("{0} must be finite")]
     NotFinite(&'static str),

@@ -6,9 +6,11 @@ mod error;
 mod forward;
 mod inverse;
 mod limits;
+mod numeric;
 
 pub use arm::{Arm, Joint, JointKind};
 pub use error::Error;
 pub use forward::manipulability;
 pub use inverse::{Joints, Solution, Solutions};
 pub use limits::Limits;
+pub use numeric::{NumericSolution, TOLERANCE};
