@@ -103,14 +103,18 @@ impl Cholesky {
         let params = CholeskySymbolicParams {
             // Below zero, since a diagonal matrix has no operations to count.
             supernodal_flop_ratio_threshold: SupernodalThreshold(-1.0),
-            supernodal_params: SymbolicSupernodalParams { relax: Some(&RELAX) },
+            supernodal_params: SymbolicSupernodalParams {
+                relax: Some(&RELAX),
+            },
             ..Default::default()
         };
         let ordering = SymmetricOrdering::Amd;
-        let symbolic = factorize_symbolic_cholesky(pattern, Side::Upper, ordering, params)
-            .map_err(failed)?;
+        let symbolic =
+            factorize_symbolic_cholesky(pattern, Side::Upper, ordering, params).map_err(failed)?;
         let SymbolicCholeskyRaw::Supernodal(supernodes) = symbolic.raw() else {
-            return Err(Error::Factorisation("the analysis gave no supernodes".into()));
+            return Err(Error::Factorisation(
+                "the analysis gave no supernodes".into(),
+            ));
         };
         let position = match symbolic.perm() {
             Some(perm) => perm.arrays().1.to_vec(),
@@ -119,8 +123,16 @@ impl Cholesky {
 
         // The tree of the fronts
         let count = supernodes.n_supernodes();
-        let begin: Vec<usize> = supernodes.supernode_begin().iter().map(|&k| k as usize).collect();
-        let end: Vec<usize> = supernodes.supernode_end().iter().map(|&k| k as usize).collect();
+        let begin: Vec<usize> = supernodes
+            .supernode_begin()
+            .iter()
+            .map(|&k| k as usize)
+            .collect();
+        let end: Vec<usize> = supernodes
+            .supernode_end()
+            .iter()
+            .map(|&k| k as usize)
+            .collect();
         let mut front_of = vec![0; n];
         for s in 0..count {
             front_of[begin[s]..end[s]].fill(s);
@@ -154,7 +166,9 @@ impl Cholesky {
             let pattern = supernodes.supernode(s).pattern();
             let columns = end[s] - begin[s];
             let first_child = cholesky.children.len();
-            cholesky.children.extend(children[s].iter().map(|&child| number[child] as u32));
+            cholesky
+                .children
+                .extend(children[s].iter().map(|&child| number[child] as u32));
             cholesky.fronts.push(Front {
                 column: begin[s],
                 columns,
@@ -170,13 +184,20 @@ impl Cholesky {
             if let Some(&first) = pattern.first() {
                 let parent = front_of[first as usize];
                 let above = supernodes.supernode(parent).pattern();
-                cholesky.places.extend(pattern.iter().map(|&row| {
-                    place_in_front(begin[parent], end[parent], above, row) as u32
-                }));
+                cholesky.places.extend(
+                    pattern
+                        .iter()
+                        .map(|&row| place_in_front(begin[parent], end[parent], above, row) as u32),
+                );
             }
         }
         cholesky.values = vec![0.0; size];
-        let longest = cholesky.fronts.iter().map(|front| front.below).max().unwrap_or(0);
+        let longest = cholesky
+            .fronts
+            .iter()
+            .map(|front| front.below)
+            .max()
+            .unwrap_or(0);
         cholesky.below = vec![0.0; longest];
 
         let slots = entries
@@ -256,13 +277,23 @@ impl WithSimd for Factor<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
-        let Cholesky { fronts, places, children, values, waiting, .. } = self.0;
+        let Cholesky {
+            fronts,
+            places,
+            children,
+            values,
+            waiting,
+            ..
+        } = self.0;
         let [even, odd] = waiting;
         even.clear();
         odd.clear();
         for front in &*fronts {
-            let (own, childrens) =
-                if front.stack == 0 { (&mut *even, &mut *odd) } else { (&mut *odd, &mut *even) };
+            let (own, childrens) = if front.stack == 0 {
+                (&mut *even, &mut *odd)
+            } else {
+                (&mut *odd, &mut *even)
+            };
             let height = front.columns + front.below;
             let panel = &mut values[front.value..front.value + front.columns * height];
             let base = own.len();
@@ -351,7 +382,14 @@ fn subtract_squares<S: Simd>(simd: S, update: &mut [f64], panel: &[f64], front: 
     if front.below > 0 {
         let height = front.columns + front.below;
         for block in panel.chunks(BLOCK * height) {
-            subtract_products(simd, update, front.below, block, front.columns, front.columns);
+            subtract_products(
+                simd,
+                update,
+                front.below,
+                block,
+                front.columns,
+                front.columns,
+            );
         }
     }
 }
@@ -403,12 +441,7 @@ type Four<'a> = (&'a [f64], &'a [f64], &'a [f64], &'a [f64]);
 
 /// Subtracts four columns from two, with the factors in the first and second row of the four.
 #[inline(always)]
-fn subtract_four_twice<S: Simd>(
-    simd: S,
-    one: &mut [f64],
-    two: &mut [f64],
-    (a, b, c, d): Four<'_>,
-) {
+fn subtract_four_twice<S: Simd>(simd: S, one: &mut [f64], two: &mut [f64], (a, b, c, d): Four<'_>) {
     let factor = |value: f64| simd.splat_f64s(-value);
     let f = [factor(a[0]), factor(b[0]), factor(c[0]), factor(d[0])];
     let g = [factor(a[1]), factor(b[1]), factor(c[1]), factor(d[1])];
@@ -459,7 +492,14 @@ impl WithSimd for Solve<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Cholesky { fronts, rows, values, permuted: x, below, .. } = self.0;
+        let Cholesky {
+            fronts,
+            rows,
+            values,
+            permuted: x,
+            below,
+            ..
+        } = self.0;
         // L y = b
         for front in &*fronts {
             let height = front.columns + front.below;
@@ -611,7 +651,11 @@ mod tests {
                 }
             }
             cholesky.solve(&mut rhs);
-            let off = x.iter().zip(&rhs).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            let off = x
+                .iter()
+                .zip(&rhs)
+                .map(|(a, b)| (a - b).abs())
+                .fold(0.0, f64::max);
             assert!(off < 1e-13, "{n} x {n}: {off:e}");
         }
     }
@@ -624,7 +668,11 @@ mod tests {
         let (mut cholesky, slots) = Cholesky::analyse(n * n, &pattern).unwrap();
         for bad in [-1.0, 0.0, f64::NAN, f64::INFINITY] {
             let mut matrix = good.clone();
-            matrix[100].1 = if matrix[100].0.0 == matrix[100].0.1 { bad } else { f64::NAN };
+            matrix[100].1 = if matrix[100].0.0 == matrix[100].0.1 {
+                bad
+            } else {
+                f64::NAN
+            };
             set(&mut cholesky, &slots, &matrix);
             assert!(matches!(cholesky.factor(), Err(Error::Factorisation(_))));
         }

@@ -61,12 +61,20 @@ impl Material {
         ];
         for (field, value) in positive {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::Value { field, value, bound: "positive and finite" });
+                return Err(Error::Value {
+                    field,
+                    value,
+                    bound: "positive and finite",
+                });
             }
         }
         for (field, value) in not_negative {
             if !(value >= 0.0 && value.is_finite()) {
-                return Err(Error::Value { field, value, bound: "at least 0 and finite" });
+                return Err(Error::Value {
+                    field,
+                    value,
+                    bound: "at least 0 and finite",
+                });
             }
         }
         Ok(())
@@ -80,14 +88,28 @@ mod tests {
     #[test]
     fn check_names_the_field() {
         assert_eq!(Material::default().check(), Ok(()));
-        let bad = Material { bending: -1.0, ..Material::default() };
+        let bad = Material {
+            bending: -1.0,
+            ..Material::default()
+        };
         assert_eq!(
             bad.check().unwrap_err().to_string(),
             "bending [N m] is -1, must be at least 0 and finite"
         );
-        let bad = Material { density: f64::NAN, ..Material::default() };
-        assert!(bad.check().unwrap_err().to_string().starts_with("density [kg/m^2] is NaN"));
-        let bad = Material { thickness: 0.0, ..Material::default() };
+        let bad = Material {
+            density: f64::NAN,
+            ..Material::default()
+        };
+        assert!(
+            bad.check()
+                .unwrap_err()
+                .to_string()
+                .starts_with("density [kg/m^2] is NaN")
+        );
+        let bad = Material {
+            thickness: 0.0,
+            ..Material::default()
+        };
         assert!(bad.check().is_err());
     }
 }

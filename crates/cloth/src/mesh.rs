@@ -51,9 +51,16 @@ impl Mesh {
         if na < 2 || nb < 2 || na.saturating_mul(nb) > Self::MAX_NODES {
             return Err(Error::GridSize(na, nb));
         }
-        for (field, value) in [("side along x [m]", sides[0]), ("side along y [m]", sides[1])] {
+        for (field, value) in [
+            ("side along x [m]", sides[0]),
+            ("side along y [m]", sides[1]),
+        ] {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::Value { field, value, bound: "positive and finite" });
+                return Err(Error::Value {
+                    field,
+                    value,
+                    bound: "positive and finite",
+                });
             }
         }
         let grid = Grid { nodes, sides };
@@ -65,7 +72,10 @@ impl Mesh {
             for i in 0..na {
                 let k = (j * na + i) as u32;
                 let (right, up) = (k + 1, k + na as u32);
-                let (x, y) = (-sides[0] / 2.0 + i as f64 * dx, -sides[1] / 2.0 + j as f64 * dy);
+                let (x, y) = (
+                    -sides[0] / 2.0 + i as f64 * dx,
+                    -sides[1] / 2.0 + j as f64 * dy,
+                );
                 rest.push(DVec3::new(x, y, 0.0));
                 if i + 1 < na {
                     edges.push([k, right]);
@@ -78,7 +88,12 @@ impl Mesh {
                 }
             }
         }
-        Ok(Self { rest, edges, quads, grid })
+        Ok(Self {
+            rest,
+            edges,
+            quads,
+            grid,
+        })
     }
 
     /// Rest positions [m], one a node.
@@ -116,7 +131,10 @@ mod tests {
         let mesh = Mesh::grid([3, 2], [2.0, 1.0]).unwrap();
         assert_eq!(mesh.rest()[0], DVec3::new(-1.0, -0.5, 0.0));
         assert_eq!(mesh.rest()[5], DVec3::new(1.0, 0.5, 0.0));
-        assert_eq!(mesh.edges(), [[0, 1], [0, 3], [1, 2], [1, 4], [2, 5], [3, 4], [4, 5]]);
+        assert_eq!(
+            mesh.edges(),
+            [[0, 1], [0, 3], [1, 2], [1, 4], [2, 5], [3, 4], [4, 5]]
+        );
         assert_eq!(mesh.quads(), [[0, 1, 4, 3], [1, 2, 5, 4]]);
         assert_eq!(mesh.as_grid().spacing(), [1.0, 1.0]);
     }
@@ -127,7 +145,10 @@ mod tests {
         assert!(error.to_string().starts_with("grid has 1 x 28 nodes"));
         assert!(Mesh::grid([usize::MAX, 3], [1.0, 1.0]).is_err());
         let error = Mesh::grid([3, 3], [-0.42, 0.59]).unwrap_err();
-        assert_eq!(error.to_string(), "side along x [m] is -0.42, must be positive and finite");
+        assert_eq!(
+            error.to_string(),
+            "side along x [m] is -0.42, must be positive and finite"
+        );
         assert!(Mesh::grid([3, 3], [0.42, f64::INFINITY]).is_err());
     }
 }

@@ -16,8 +16,14 @@ fn step(c: &mut Criterion) {
         let rest = corner.map(|k: u32| mesh.rest()[k as usize]);
         let mut held_step = |z: f64| {
             let targets = rest.map(|p| p + DVec3::Z * z);
-            let held = Held { nodes: &corner, targets: &targets, velocities: &[DVec3::ZERO; 4] };
-            cloth.step(held, 1.0 / 60.0).expect("the cloth keeps its shape")
+            let held = Held {
+                nodes: &corner,
+                targets: &targets,
+                velocities: &[DVec3::ZERO; 4],
+            };
+            cloth
+                .step(held, 1.0 / 60.0)
+                .expect("the cloth keeps its shape")
         };
         for frame in 0..180 {
             held_step(height * (f64::from(frame) / 120.0).min(1.0));

@@ -89,10 +89,18 @@ impl Family {
         let products = meetings
             .iter()
             .zip(&which)
-            .map(|(&(_, _, first, second), &k)| Product { slot: slots[k], first, second })
+            .map(|(&(_, _, first, second), &k)| Product {
+                slot: slots[k],
+                first,
+                second,
+            })
             .collect();
-        let diagonal =
-            pattern.iter().zip(&slots).filter(|((a, b), _)| a == b).map(|(_, &s)| s).collect();
+        let diagonal = pattern
+            .iter()
+            .zip(&slots)
+            .filter(|((a, b), _)| a == b)
+            .map(|(_, &s)| s)
+            .collect();
         Ok(Self {
             node_start,
             at_node: at_node.concat(),
@@ -162,8 +170,8 @@ impl Family {
             let w = inverse_areas[node as usize];
             let wanted = self.grasp_rhs(grasp, h, positions);
             let share = wanted * (w / (w + c));
-            let entries =
-                self.node_start[node as usize] as usize..self.node_start[node as usize + 1] as usize;
+            let entries = self.node_start[node as usize] as usize
+                ..self.node_start[node as usize + 1] as usize;
             for &t in &self.at_node[entries] {
                 self.change[self.row[t as usize] as usize] -= self.gradient[t as usize].dot(share);
             }

@@ -203,9 +203,12 @@ impl Contact {
             self.candidates.rebuilds += 1;
         }
         self.start.clear();
-        self.start.extend(self.candidates.pairs.iter().map(|&([i, j], _)| {
-            pass.start[j as usize] - pass.start[i as usize]
-        }));
+        self.start.extend(
+            self.candidates
+                .pairs
+                .iter()
+                .map(|&([i, j], _)| pass.start[j as usize] - pass.start[i as usize]),
+        );
         self.active.clear();
         self.active.resize(self.candidates.pairs.len(), false);
     }
@@ -218,11 +221,12 @@ impl Contact {
         self.search.fill(x, reach);
         for i in 0..x.len() as u32 {
             for &(_, j) in self.search.nearest(x, i, reach, NEIGHBOURS) {
-                let both_held =
-                    held.binary_search(&i).is_ok() && held.binary_search(&j).is_ok();
+                let both_held = held.binary_search(&i).is_ok() && held.binary_search(&j).is_ok();
                 if i < j && !both_held && !self.edges.contains(&[i, j]) {
                     let short = self.diagonals.iter().find(|(pair, _)| *pair == [i, j]);
-                    self.candidates.pairs.push(([i, j], short.map_or(2.0 * self.radius, |&(_, d)| d)));
+                    self.candidates
+                        .pairs
+                        .push(([i, j], short.map_or(2.0 * self.radius, |&(_, d)| d)));
                 }
             }
         }
@@ -265,7 +269,14 @@ impl Contact {
                 self.count[j] += 1.0;
                 let stiffness = self.weights[i] + self.weights[j] + pass.compliance;
                 let lambda = (-gap / stiffness).max(0.0);
-                self.touching.push(Touch { nodes, distance, gap, normal, stiffness, lambda });
+                self.touching.push(Touch {
+                    nodes,
+                    distance,
+                    gap,
+                    normal,
+                    stiffness,
+                    lambda,
+                });
             }
         }
         true
@@ -299,8 +310,11 @@ impl Contact {
             self.correction[i] -= push;
             self.correction[j] += push;
         }
-        for ((correction, &w), &count) in
-            self.correction.iter_mut().zip(&self.weights).zip(&self.count)
+        for ((correction, &w), &count) in self
+            .correction
+            .iter_mut()
+            .zip(&self.weights)
+            .zip(&self.count)
         {
             if count > 0.0 {
                 *correction *= w / count;
@@ -328,8 +342,11 @@ impl Contact {
 /// The mean rest length of the edges [m].
 pub(crate) fn mean_edge(mesh: &Mesh) -> f64 {
     let rest = mesh.rest();
-    let sum: f64 =
-        mesh.edges().iter().map(|&[p, q]| rest[p as usize].distance(rest[q as usize])).sum();
+    let sum: f64 = mesh
+        .edges()
+        .iter()
+        .map(|&[p, q]| rest[p as usize].distance(rest[q as usize]))
+        .sum();
     sum / mesh.edges().len() as f64
 }
 
@@ -358,7 +375,10 @@ impl Search {
         self.bucket_start.clear();
         self.bucket_start.resize(buckets + 1, 0);
         self.cell.clear();
-        self.cell.extend(x.iter().map(|p| (*p / reach).to_array().map(|c| c.floor() as i64)));
+        self.cell.extend(
+            x.iter()
+                .map(|p| (*p / reach).to_array().map(|c| c.floor() as i64)),
+        );
         for k in 0..x.len() {
             let b = self.bucket(self.cell[k]);
             self.bucket_start[b + 1] += 1;
@@ -399,8 +419,8 @@ impl Search {
                         continue;
                     }
                     self.visited.push(bucket);
-                    let range = self.bucket_start[bucket] as usize
-                        ..self.bucket_start[bucket + 1] as usize;
+                    let range =
+                        self.bucket_start[bucket] as usize..self.bucket_start[bucket + 1] as usize;
                     for &j in &self.order[range] {
                         let distance = centre.distance(x[j as usize]);
                         if j != i && distance < reach {
@@ -410,7 +430,8 @@ impl Search {
                 }
             }
         }
-        self.found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        self.found
+            .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         self.found.truncate(limit);
         self.found.sort_unstable_by_key(|&(_, j)| j);
         &self.found
@@ -425,7 +446,9 @@ mod tests {
     fn cloud(n: usize) -> Vec<DVec3> {
         let mut state = 1u64;
         let mut next = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
             (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
         };
         (0..n).map(|_| DVec3::new(next(), next(), next())).collect()
@@ -443,11 +466,18 @@ mod tests {
                     .map(|j| (x[i].distance(x[j]), j as u32))
                     .collect();
                 all.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-                let mut expected: Vec<u32> =
-                    all.iter().take(12).filter(|(d, _)| *d < reach).map(|&(_, j)| j).collect();
+                let mut expected: Vec<u32> = all
+                    .iter()
+                    .take(12)
+                    .filter(|(d, _)| *d < reach)
+                    .map(|&(_, j)| j)
+                    .collect();
                 expected.sort_unstable();
-                let got: Vec<u32> =
-                    search.nearest(&x, i as u32, reach, 12).iter().map(|&(_, j)| j).collect();
+                let got: Vec<u32> = search
+                    .nearest(&x, i as u32, reach, 12)
+                    .iter()
+                    .map(|&(_, j)| j)
+                    .collect();
                 assert_eq!(got, expected);
             }
         }

@@ -13,7 +13,11 @@ pub(crate) struct Rows {
 impl Rows {
     /// From dense-in-pattern rows: `rows[r]` lists `(column, value)` in any order, repeats summed.
     fn from_lists(rows: Vec<Vec<(u32, f64)>>) -> Self {
-        let mut out = Self { start: vec![0], column: Vec::new(), value: Vec::new() };
+        let mut out = Self {
+            start: vec![0],
+            column: Vec::new(),
+            value: Vec::new(),
+        };
         for mut row in rows {
             row.sort_by_key(|&(column, _)| column);
             for (column, value) in row {
@@ -53,7 +57,10 @@ pub(crate) fn face_counts(grid: Grid) -> Vec<f64> {
 /// bilinear quads, which on rectangles is exactly a quarter of every quad around the node.
 pub(crate) fn lumped_areas(grid: Grid) -> Vec<f64> {
     let [dx, dy] = grid.spacing();
-    face_counts(grid).into_iter().map(|faces| faces * dx * dy / 4.0).collect()
+    face_counts(grid)
+        .into_iter()
+        .map(|faces| faces * dx * dy / 4.0)
+        .collect()
 }
 
 /// The Laplacian `L_cd = int grad N_c . grad N_d` of bilinear quads `dx` by `dy`. Positive
@@ -64,10 +71,18 @@ pub(crate) fn lumped_areas(grid: Grid) -> Vec<f64> {
 fn laplacian(grid: Grid) -> Rows {
     let ([na, nb], [dx, dy]) = (grid.nodes, grid.spacing());
     // Corners in the order of the quad: (0,0), (1,0), (1,1), (0,1).
-    const ALONG_X: [[f64; 4]; 4] =
-        [[2., -2., -1., 1.], [-2., 2., 1., -1.], [-1., 1., 2., -2.], [1., -1., -2., 2.]];
-    const ALONG_Y: [[f64; 4]; 4] =
-        [[2., 1., -1., -2.], [1., 2., -2., -1.], [-1., -2., 2., 1.], [-2., -1., 1., 2.]];
+    const ALONG_X: [[f64; 4]; 4] = [
+        [2., -2., -1., 1.],
+        [-2., 2., 1., -1.],
+        [-1., 1., 2., -2.],
+        [1., -1., -2., 2.],
+    ];
+    const ALONG_Y: [[f64; 4]; 4] = [
+        [2., 1., -1., -2.],
+        [1., 2., -2., -1.],
+        [-1., -2., 2., 1.],
+        [-2., -1., 1., 2.],
+    ];
     let mut rows = vec![Vec::new(); na * nb];
     for j in 0..nb - 1 {
         for i in 0..na - 1 {
@@ -104,7 +119,10 @@ pub(crate) fn bending(grid: Grid, areas: &[f64]) -> Rows {
 mod tests {
     use super::*;
 
-    const TABLE: Grid = Grid { nodes: [23, 28], sides: [0.42, 0.59] };
+    const TABLE: Grid = Grid {
+        nodes: [23, 28],
+        sides: [0.42, 0.59],
+    };
 
     fn diagonal(rows: &Rows, r: usize) -> f64 {
         rows.row(r).find(|&(c, _)| c as usize == r).unwrap().1
@@ -115,7 +133,11 @@ mod tests {
     fn areas_and_matrices_of_the_table_mesh() {
         let areas = lumped_areas(TABLE);
         assert!((areas.iter().sum::<f64>() - 0.2478).abs() < 1e-13);
-        for (node, area) in [(0, 1.0429292929e-4), (1, 2.0858585859e-4), (24, 4.1717171717e-4)] {
+        for (node, area) in [
+            (0, 1.0429292929e-4),
+            (1, 2.0858585859e-4),
+            (24, 4.1717171717e-4),
+        ] {
             assert!((areas[node] - area).abs() < 1e-14);
         }
         let l = laplacian(TABLE);

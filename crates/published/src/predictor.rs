@@ -31,7 +31,12 @@ impl Predictor {
         let n = areas.len();
         let mut entries = Vec::new();
         for r in 0..n {
-            entries.extend(bending.row(r).map(|(c, _)| (r as u32, c)).filter(|(r, c)| r <= c));
+            entries.extend(
+                bending
+                    .row(r)
+                    .map(|(c, _)| (r as u32, c))
+                    .filter(|(r, c)| r <= c),
+            );
         }
         let (cholesky, slots) = Cholesky::analyse(n, &entries)?;
         Ok(Self {
@@ -47,7 +52,13 @@ impl Predictor {
     }
 
     pub(crate) fn prepare(&mut self, material: &Material, g: f64, h: f64) -> Result<(), Error> {
-        let &Material { density, gravitational_density, damping, bending, .. } = material;
+        let &Material {
+            density,
+            gravitational_density,
+            damping,
+            bending,
+            ..
+        } = material;
         let mass = density + h / 2.0 * damping;
         let damped = h / 2.0 * STIFFNESS_DAMPING * bending;
         let elastic = h * h / 4.0 * bending;
@@ -57,10 +68,16 @@ impl Predictor {
         let mut k = 0;
         for r in 0..self.areas.len() {
             for (c, stiffness) in self.bending.row(r) {
-                let lumped = if c as usize == r { mass * self.areas[r] } else { 0.0 };
+                let lumped = if c as usize == r {
+                    mass * self.areas[r]
+                } else {
+                    0.0
+                };
                 self.explicit[k] = lumped + (damped - elastic) * stiffness;
                 k += 1;
-                if r <= c as usize && let Some(&slot) = slots.next() {
+                if r <= c as usize
+                    && let Some(&slot) = slots.next()
+                {
                     values[slot as usize] = lumped + (damped + elastic) * stiffness;
                 }
             }
@@ -76,7 +93,10 @@ impl Predictor {
         for (r, &v) in v.iter().enumerate() {
             let range = self.bending.start[r] as usize..self.bending.start[r + 1] as usize;
             let mut sum = self.areas[r] * (self.inertia * v - DVec3::Z * self.weight);
-            for (&c, &value) in self.bending.column[range.clone()].iter().zip(&self.explicit[range]) {
+            for (&c, &value) in self.bending.column[range.clone()]
+                .iter()
+                .zip(&self.explicit[range])
+            {
                 sum += value * x[c as usize];
             }
             self.rhs[r] = sum.x;

@@ -62,7 +62,11 @@ impl Settings {
     pub fn check(&self) -> Result<(), Error> {
         if !(1..=10_000).contains(&self.substeps) {
             let value = f64::from(self.substeps);
-            return Err(Error::Value { field: "substeps", value, bound: "from 1 to 10000" });
+            return Err(Error::Value {
+                field: "substeps",
+                value,
+                bound: "from 1 to 10000",
+            });
         }
         let positive = [
             ("tolerance", self.tolerance),
@@ -74,7 +78,11 @@ impl Settings {
         ];
         for (field, value) in positive {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::Value { field, value, bound: "positive and finite" });
+                return Err(Error::Value {
+                    field,
+                    value,
+                    bound: "positive and finite",
+                });
             }
         }
         if !(self.gravity >= 0.0 && self.gravity.is_finite()) {
@@ -215,9 +223,12 @@ impl Simulator {
     fn prepare(&mut self, h: f64) -> Result<(), Error> {
         if self.substep != h {
             self.substep = 0.0;
-            self.predictor.prepare(&self.material, self.settings.gravity, h)?;
-            self.stretch.set_compliance(self.settings.compliance_stretch / (h * h));
-            self.shear.set_compliance(self.settings.compliance_shear / (h * h));
+            self.predictor
+                .prepare(&self.material, self.settings.gravity, h)?;
+            self.stretch
+                .set_compliance(self.settings.compliance_stretch / (h * h));
+            self.shear
+                .set_compliance(self.settings.compliance_shear / (h * h));
             self.substep = h;
         }
         Ok(())
@@ -262,7 +273,11 @@ impl Simulator {
 
     fn substep(&mut self, s: usize, rebuild: bool, report: &mut StepReport) -> Result<(), Error> {
         let h = self.substep;
-        let State { positions: x, velocities, .. } = &mut self.state;
+        let State {
+            positions: x,
+            velocities,
+            ..
+        } = &mut self.state;
         self.start.copy_from_slice(x);
         self.predictor.predict(x, velocities);
 
@@ -295,11 +310,18 @@ impl Simulator {
         report.iterations += number as u32;
         if residual > self.settings.tolerance {
             let tolerance = self.settings.tolerance;
-            report.status = Status::IterationLimit { residual, tolerance };
+            report.status = Status::IterationLimit {
+                residual,
+                tolerance,
+            };
         }
 
         self.land();
-        let State { positions, velocities, .. } = &mut self.state;
+        let State {
+            positions,
+            velocities,
+            ..
+        } = &mut self.state;
         for ((v, &x), &x0) in velocities.iter_mut().zip(&*positions).zip(&self.start) {
             // Not physics: the predictor is trapezoidal, whose velocity would be 2 (x - x0)/h - v.
             // This pairing doubles the effective inertia.
@@ -328,18 +350,29 @@ impl Simulator {
         }
         self.values.clear();
         let rows = self.shear_stencil.iter().zip(&self.shear_rest);
-        self.values.extend(rows.map(|(stencil, rest)| shear_value(stencil, x) - rest));
+        self.values
+            .extend(rows.map(|(stencil, rest)| shear_value(stencil, x) - rest));
         let mut grasp = Grasp {
             nodes: &self.state.held,
             targets: &self.targets,
             multipliers: &mut self.grasp_shear,
         };
         let multipliers = &mut self.shear_multipliers;
-        self.shear.solve(&self.values, multipliers, &mut grasp, &self.inverse_areas, x);
+        self.shear.solve(
+            &self.values,
+            multipliers,
+            &mut grasp,
+            &self.inverse_areas,
+            x,
+        );
         // Not physics: the compliance term is part of the residual, so a small one does not bound
         // the violation.
         let c = self.shear.compliance();
-        let rows = self.shear_stencil.iter().zip(&self.shear_rest).zip(multipliers);
+        let rows = self
+            .shear_stencil
+            .iter()
+            .zip(&self.shear_rest)
+            .zip(multipliers);
         Ok(rows
             .map(|((stencil, rest), lambda)| {
                 let value = shear_value(stencil, x) - rest + c * *lambda;
@@ -366,7 +399,13 @@ impl Simulator {
             multipliers: &mut self.grasp_stretch,
         };
         let multipliers = &mut self.stretch_multipliers;
-        self.stretch.solve(&self.values, multipliers, &mut grasp, &self.inverse_areas, x);
+        self.stretch.solve(
+            &self.values,
+            multipliers,
+            &mut grasp,
+            &self.inverse_areas,
+            x,
+        );
         // Not physics: as for shear, the compliance term is part of the residual, so edges stretch
         // by far more than the tolerance.
         let c = self.stretch.compliance();
@@ -384,7 +423,12 @@ impl Simulator {
     /// **Not physics**: this undoes part of the solve, and the number of faces around a node
     /// multiplies the Coulomb limit, so inside the sheet friction is four times the coefficient.
     fn land(&mut self) {
-        let nodes = self.state.positions.iter_mut().zip(&self.start).zip(&self.face_counts);
+        let nodes = self
+            .state
+            .positions
+            .iter_mut()
+            .zip(&self.start)
+            .zip(&self.face_counts);
         for ((x, start), faces) in nodes {
             if x.z < 0.0 {
                 let depth = -x.z;

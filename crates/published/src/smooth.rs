@@ -13,7 +13,11 @@ use selvedge_math::DVec3;
 /// # Panics
 /// When `positions` has not one entry a node of the mesh.
 pub fn smoothed(mesh: &Mesh, positions: &[DVec3]) -> Vec<DVec3> {
-    assert_eq!(positions.len(), mesh.node_count(), "positions must have one entry a node");
+    assert_eq!(
+        positions.len(),
+        mesh.node_count(),
+        "positions must have one entry a node"
+    );
     let [na, nb] = mesh.as_grid().nodes;
     let corners = |q: &[u32; 4], x: &[DVec3]| q.iter().map(|&k| x[k as usize]).sum::<DVec3>() / 4.0;
     let mut nodes = positions.to_vec();
@@ -26,7 +30,10 @@ pub fn smoothed(mesh: &Mesh, positions: &[DVec3]) -> Vec<DVec3> {
                 // The quad with lower left corner (i, j) has number j (na - 1) + i.
                 let quad = j * (na - 1) + i;
                 let below = quad - (na - 1);
-                let around = before[k - 1] + before[k + 1] + before[k - na] + before[k + na]
+                let around = before[k - 1]
+                    + before[k + 1]
+                    + before[k - na]
+                    + before[k + na]
                     + centres_before[quad]
                     + centres_before[quad - 1]
                     + centres_before[below]

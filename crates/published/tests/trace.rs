@@ -19,9 +19,15 @@ struct Traces {
 }
 
 fn read_traces() -> Traces {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/published/traced_frames.npz");
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../fixtures/published/traced_frames.npz"
+    );
     let mut archive = zip::ZipArchive::new(File::open(path).unwrap()).unwrap();
-    let mut traces = Traces { floats: HashMap::new(), integers: HashMap::new() };
+    let mut traces = Traces {
+        floats: HashMap::new(),
+        integers: HashMap::new(),
+    };
     for index in 0..archive.len() {
         let mut entry = archive.by_index(index).unwrap();
         let name = entry.name().unwrap().trim_end_matches(".npy").to_owned();
@@ -43,23 +49,34 @@ fn vectors(flat: &[f64]) -> Vec<DVec3> {
 
 fn largest_distance(a: &[DVec3], b: &[DVec3]) -> f64 {
     assert_eq!(a.len(), b.len());
-    a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| a.distance(*b))
+        .fold(0.0, f64::max)
 }
 
 #[test]
 fn every_traced_frame_is_replayed_to_rounding() {
     let traces = read_traces();
     let mesh = Mesh::grid([23, 28], [0.42, 0.59]).unwrap();
-    let frames = ["c8_f060", "c8_f180", "c8_f240", "c8_f290", "c8_f300", "c3_f060", "c3_f131", "c3_f214"];
+    let frames = [
+        "c8_f060", "c8_f180", "c8_f240", "c8_f290", "c8_f300", "c3_f060", "c3_f131", "c3_f214",
+    ];
     for frame in frames {
         let array = |key: &str| vectors(&traces.floats[&format!("{frame}_{key}")]);
         let grasped = &traces.integers[&format!("{frame}_grasped")];
         let passes: u32 = traces.integers[&format!("{frame}_passes")].iter().sum();
         let targets = array("frame_target");
         let mut cloth = Simulator::new(&mesh, Material::default(), Settings::default()).unwrap();
-        cloth.reset(&array("start"), &array("start_velocity")).unwrap();
+        cloth
+            .reset(&array("start"), &array("start_velocity"))
+            .unwrap();
         let velocities = vec![DVec3::ZERO; targets.len()];
-        let held = Held { nodes: grasped, targets: &targets, velocities: &velocities };
+        let held = Held {
+            nodes: grasped,
+            targets: &targets,
+            velocities: &velocities,
+        };
         let report = cloth.step(held, 1.0 / 60.0).unwrap();
         assert_eq!(report.iterations, passes, "{frame}: passes");
         let off = largest_distance(cloth.positions(), &array("end"));
