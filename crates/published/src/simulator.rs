@@ -197,7 +197,7 @@ impl Simulator {
             longest_move: settings.move_limit * mean_edge(mesh),
             face_counts: operators::face_counts(grid),
             substep: 0.0,
-            predictor: Predictor::new(grid, &areas)?,
+            predictor: Predictor::new(grid),
             stretch: Family::new(n, mesh.edges().len(), &stretch_entries)?,
             shear: Family::new(n, n, &shear_entries)?,
             contact: Contact::new(mesh, &inverse_areas, settings.thickness_factor),
@@ -224,7 +224,7 @@ impl Simulator {
         if self.substep != h {
             self.substep = 0.0;
             self.predictor
-                .prepare(&self.material, self.settings.gravity, h)?;
+                .prepare(&self.material, self.settings.gravity, h);
             self.stretch
                 .set_compliance(self.settings.compliance_stretch / (h * h));
             self.shear
