@@ -455,7 +455,12 @@ fn factor_block<S: Simd, const COLUMNS: usize>(
     }
 
     // The rows below it
-    let factors = triangle.map(|row| row.map(|value| simd.splat_f64s(value)));
+    let mut factors = [[simd.splat_f64s(0.0); COLUMNS]; COLUMNS];
+    for (factors, values) in factors.iter_mut().zip(&triangle) {
+        for (factor, &value) in factors.iter_mut().zip(values) {
+            *factor = simd.splat_f64s(value);
+        }
+    }
     let mut row = first + BLOCK;
     while row + 2 * S::F64_LANES <= height {
         eliminate::<S, COLUMNS, 2>(simd, done, block, height, row, first, &factors);
@@ -637,7 +642,10 @@ fn forward<S: Simd, const COLUMNS: usize>(simd: S, block: &[f64], local: &mut [f
         y[k] = sum * block[k * height + first + k];
     }
     local[first..first + COLUMNS].copy_from_slice(&y);
-    let factors = y.map(|y| simd.splat_f64s(-y));
+    let mut factors = [simd.splat_f64s(0.0); COLUMNS];
+    for (factor, y) in factors.iter_mut().zip(y) {
+        *factor = simd.splat_f64s(-y);
+    }
     let start = first + BLOCK;
     let columns: [&[S::f64s]; COLUMNS] =
         std::array::from_fn(|k| S::as_simd_f64s(&block[k * height + start..(k + 1) * height]).0);
@@ -731,7 +739,7 @@ impl WithSimd for Multiply<'_> {
     }
 }
 
-/// `ROWS` rows of the product, three vectors at a time.
+/// `ROWS` rows of the product, two vectors at a time.
 #[inline(always)]
 fn multiply_rows<S: Simd, const ROWS: usize>(
     simd: S,
@@ -742,9 +750,9 @@ fn multiply_rows<S: Simd, const ROWS: usize>(
 ) {
     let columns = b.len() / inner;
     let mut first = 0;
-    while first + 3 * S::F64_LANES <= columns {
-        multiply_tile::<S, ROWS, 3>(simd, a, b, inner, c, first);
-        first += 3 * S::F64_LANES;
+    while first + 2 * S::F64_LANES <= columns {
+        multiply_tile::<S, ROWS, 2>(simd, a, b, inner, c, first);
+        first += 2 * S::F64_LANES;
     }
     while first + S::F64_LANES <= columns {
         multiply_tile::<S, ROWS, 1>(simd, a, b, inner, c, first);
