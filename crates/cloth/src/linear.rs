@@ -44,13 +44,13 @@ const BLOCK: usize = 4;
 /// ```
 #[derive(Debug)]
 pub struct Cholesky {
-    /// Place of each row in the fill-reducing order.
+    /// Place of each row among the padded unknowns.
     position: Vec<u32>,
     /// Children before parents.
     fronts: Vec<Front>,
     /// Entries of the matrix by front: which of the values, and its place in the panel.
     entries: Vec<[u32; 2]>,
-    /// Rows below the columns of each front, in the fill-reducing order.
+    /// Rows below the columns of each front, by their places among the padded unknowns.
     rows: Vec<u32>,
     /// For each of these rows its place in a column of the parent's panel.
     places: Vec<u32>,
@@ -61,14 +61,15 @@ pub struct Cholesky {
     panels: Vec<f64>,
     /// Update matrices waiting for their parents, by parity of the depth.
     waiting: [Vec<f64>; 2],
-    permuted: Vec<f64>,
-    /// One column of the highest panel.
+    /// The unknowns by front, each front's padded with zeros like its columns.
+    unknowns: Vec<f64>,
+    /// The part below of one column.
     local: Vec<f64>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Front {
-    /// First column, in the fill-reducing order.
+    /// Its first column, by its place among the padded unknowns.
     column: usize,
     columns: usize,
     /// Where the rows below begin, and how many there are.
@@ -173,6 +174,14 @@ impl Cholesky {
             }
         }
         let order = children_first(&roots, &children);
+        let mut padded = vec![0u32; n];
+        let mut unknowns = 0;
+        for &(s, _) in &order {
+            for (place, column) in (unknowns..).zip(begin[s]..end[s]) {
+                padded[column] = place as u32;
+            }
+            unknowns += (end[s] - begin[s]).next_multiple_of(BLOCK);
+        }
 
         // Fronts in that order, with the place of each row in the parent
         let mut number = vec![0; count];
@@ -187,7 +196,7 @@ impl Cholesky {
             let first_child = children_of.len();
             children_of.extend(children[s].iter().map(|&child| number[child] as u32));
             let mut front = Front {
-                column: begin[s],
+                column: padded[begin[s]] as usize,
                 columns: end[s] - begin[s],
                 row: rows.len(),
                 below: pattern.len(),
@@ -201,7 +210,7 @@ impl Cholesky {
                 last_child: children_of.len(),
             };
             size += front.columns * front.height();
-            rows.extend_from_slice(pattern);
+            rows.extend(pattern.iter().map(|&row| padded[row as usize]));
             if let Some(&first) = pattern.first() {
                 let parent = front_of[first as usize];
                 let above = supernodes.supernode(parent).pattern();
@@ -233,7 +242,7 @@ impl Cholesky {
                 let place = place_in_front(begin[s], end[s], pattern, row);
                 (
                     number[s],
-                    [k, ((column - front.column) * front.height() + place) as u32],
+                    [k, ((column - begin[s]) * front.height() + place) as u32],
                 )
             })
             .collect();
@@ -245,9 +254,9 @@ impl Cholesky {
             }
             front.last_entry = k + 1;
         }
-        let highest = fronts.iter().map(Front::height).max().unwrap_or(0);
+        let longest = fronts.iter().map(Front::bottom).max().unwrap_or(0);
         Ok(Self {
-            position,
+            position: position.iter().map(|&k| padded[k as usize]).collect(),
             fronts,
             entries: sorted.into_iter().map(|(_, entry)| entry).collect(),
             rows,
@@ -255,8 +264,8 @@ impl Cholesky {
             children: children_of,
             panels: vec![0.0; size],
             waiting: needed.map(|size| vec![0.0; size]),
-            permuted: vec![0.0; n],
-            local: vec![0.0; highest],
+            unknowns: vec![0.0; unknowns],
+            local: vec![0.0; longest],
         })
     }
 
@@ -284,11 +293,11 @@ impl Cholesky {
     pub fn solve(&mut self, rhs: &mut [f64]) {
         assert_eq!(rhs.len(), self.position.len(), "one entry a row");
         for (&p, &value) in self.position.iter().zip(&*rhs) {
-            self.permuted[p as usize] = value;
+            self.unknowns[p as usize] = value;
         }
         Arch::new().dispatch(Solve(self));
         for (&p, value) in self.position.iter().zip(rhs) {
-            *value = self.permuted[p as usize];
+            *value = self.unknowns[p as usize];
         }
     }
 }
@@ -431,7 +440,7 @@ fn factor_block<S: Simd, const COLUMNS: usize>(
     for row in (first..first + BLOCK).step_by(S::F64_LANES) {
         let products = products::<S, COLUMNS, 1>(simd, done, height, row, first);
         for (column, [product]) in block.chunks_exact_mut(height).zip(products) {
-            for value in vectors::<S, 1>(column, row) {
+            for value in vectors_mut::<S, 1>(column, row) {
                 *value = simd.sub_f64s(*value, product);
             }
         }
@@ -486,7 +495,7 @@ fn eliminate<S: Simd, const COLUMNS: usize, const VECTORS: usize>(
 ) {
     let mut x = products::<S, COLUMNS, VECTORS>(simd, done, height, row, first);
     for (k, column) in block.chunks_exact_mut(height).enumerate() {
-        let values = vectors::<S, VECTORS>(column, row);
+        let values = vectors_mut::<S, VECTORS>(column, row);
         for (v, value) in values.iter_mut().enumerate() {
             let mut sum = simd.sub_f64s(*value, x[k][v]);
             for t in 0..k {
@@ -514,7 +523,7 @@ fn negative_squares<S: Simd>(
         while row + 2 * S::F64_LANES <= bottom {
             let sums = products::<S, BLOCK, 2>(simd, panel, height, top + row, top + first);
             for (column, sums) in target.chunks_exact_mut(bottom).zip(sums) {
-                for (value, sum) in vectors::<S, 2>(column, row).iter_mut().zip(sums) {
+                for (value, sum) in vectors_mut::<S, 2>(column, row).iter_mut().zip(sums) {
                     *value = simd.neg_f64s(sum);
                 }
             }
@@ -523,7 +532,7 @@ fn negative_squares<S: Simd>(
         while row < bottom {
             let sums = products::<S, BLOCK, 1>(simd, panel, height, top + row, top + first);
             for (column, sums) in target.chunks_exact_mut(bottom).zip(sums) {
-                for (value, sum) in vectors::<S, 1>(column, row).iter_mut().zip(sums) {
+                for (value, sum) in vectors_mut::<S, 1>(column, row).iter_mut().zip(sums) {
                     *value = simd.neg_f64s(sum);
                 }
             }
@@ -544,7 +553,7 @@ fn products<S: Simd, const COLUMNS: usize, const VECTORS: usize>(
 ) -> [[S::f64s; VECTORS]; COLUMNS] {
     let mut sums = [[simd.splat_f64s(0.0); VECTORS]; COLUMNS];
     for column in panel.chunks_exact(height) {
-        let values = S::as_simd_f64s(&column[row..row + VECTORS * S::F64_LANES]).0;
+        let values = vectors::<S, VECTORS>(column, row);
         for (sums, &factor) in sums.iter_mut().zip(&column[factor..factor + COLUMNS]) {
             let factor = simd.splat_f64s(factor);
             for (sum, &value) in sums.iter_mut().zip(values) {
@@ -557,7 +566,13 @@ fn products<S: Simd, const COLUMNS: usize, const VECTORS: usize>(
 
 /// So many vectors of a column, from `row` on.
 #[inline(always)]
-fn vectors<S: Simd, const VECTORS: usize>(column: &mut [f64], row: usize) -> &mut [S::f64s] {
+fn vectors<S: Simd, const VECTORS: usize>(column: &[f64], row: usize) -> &[S::f64s] {
+    S::as_simd_f64s(&column[row..row + VECTORS * S::F64_LANES]).0
+}
+
+/// As [`vectors`], to be changed.
+#[inline(always)]
+fn vectors_mut<S: Simd, const VECTORS: usize>(column: &mut [f64], row: usize) -> &mut [S::f64s] {
     S::as_mut_simd_f64s(&mut column[row..row + VECTORS * S::F64_LANES]).0
 }
 
@@ -572,115 +587,137 @@ impl WithSimd for Solve<'_> {
             fronts,
             rows,
             panels,
-            permuted: x,
+            unknowns: x,
             local,
             ..
         } = self.0;
         // L y = b
         for front in &*fronts {
-            let (columns, top, height) = (front.columns, front.top(), front.height());
-            let local = &mut local[..height];
-            let own = &mut x[front.column..front.column + columns];
-            local[..columns].copy_from_slice(own);
-            local[columns..].fill(0.0);
-            let panel = &panels[front.panel..front.panel + columns * height];
+            let (top, height) = (front.top(), front.height());
+            let panel = &panels[front.panel..][..front.columns * height];
+            let own = &mut x[front.column..][..top];
             for (k, block) in panel.chunks(BLOCK * height).enumerate() {
-                let first = k * BLOCK;
                 match block.len() / height {
-                    1 => forward::<S, 1>(simd, block, local, first),
-                    2 => forward::<S, 2>(simd, block, local, first),
-                    3 => forward::<S, 3>(simd, block, local, first),
-                    _ => forward::<S, BLOCK>(simd, block, local, first),
+                    1 => forward::<S, 1>(simd, block, height, own, k * BLOCK),
+                    2 => forward::<S, 2>(simd, block, height, own, k * BLOCK),
+                    3 => forward::<S, 3>(simd, block, height, own, k * BLOCK),
+                    _ => forward::<S, BLOCK>(simd, block, height, own, k * BLOCK),
                 }
             }
-            own.copy_from_slice(&local[..columns]);
-            for (&value, &row) in local[top..]
-                .iter()
-                .zip(&rows[front.row..front.row + front.below])
-            {
-                x[row as usize] += value;
+            let mut row = top;
+            while row + 4 * S::F64_LANES <= height {
+                combine::<S, 4>(simd, panel, height, row, own, &mut local[row - top..]);
+                row += 4 * S::F64_LANES;
+            }
+            while row < height {
+                combine::<S, 1>(simd, panel, height, row, own, &mut local[row - top..]);
+                row += S::F64_LANES;
+            }
+            for (&value, &row) in local.iter().zip(&rows[front.row..][..front.below]) {
+                x[row as usize] -= value;
             }
         }
         // L^T x = y
         for front in fronts.iter().rev() {
-            let (columns, top, height) = (front.columns, front.top(), front.height());
-            let local = &mut local[..height];
-            let own = &mut x[front.column..front.column + columns];
-            local[..columns].copy_from_slice(own);
-            local[columns..].fill(0.0);
-            for (value, &row) in local[top..]
-                .iter_mut()
-                .zip(&rows[front.row..front.row + front.below])
-            {
+            let (top, height) = (front.top(), front.height());
+            let panel = &panels[front.panel..][..front.columns * height];
+            let below = &mut local[..front.bottom()];
+            if let Some(padded) = below.last_chunk_mut::<BLOCK>() {
+                *padded = [0.0; BLOCK];
+            }
+            for (value, &row) in below.iter_mut().zip(&rows[front.row..][..front.below]) {
                 *value = x[row as usize];
             }
-            let panel = &panels[front.panel..front.panel + columns * height];
+            let own = &mut x[front.column..][..top];
             for (k, block) in panel.chunks(BLOCK * height).enumerate().rev() {
-                let first = k * BLOCK;
                 match block.len() / height {
-                    1 => backward::<S, 1>(simd, block, local, first),
-                    2 => backward::<S, 2>(simd, block, local, first),
-                    3 => backward::<S, 3>(simd, block, local, first),
-                    _ => backward::<S, BLOCK>(simd, block, local, first),
+                    1 => backward::<S, 1>(simd, block, height, own, below, k * BLOCK),
+                    2 => backward::<S, 2>(simd, block, height, own, below, k * BLOCK),
+                    3 => backward::<S, 3>(simd, block, height, own, below, k * BLOCK),
+                    _ => backward::<S, BLOCK>(simd, block, height, own, below, k * BLOCK),
                 }
             }
-            x[front.column..front.column + columns].copy_from_slice(&local[..columns]);
         }
     }
 }
 
-/// Solves for the columns of a block, from `first` on, and takes them from all later rows.
+/// Solves for the columns of a block, from `first` on, and takes them from the front's later
+/// columns.
 #[inline(always)]
-fn forward<S: Simd, const COLUMNS: usize>(simd: S, block: &[f64], local: &mut [f64], first: usize) {
-    let height = local.len();
-    let mut y = [0.0; COLUMNS];
-    for k in 0..COLUMNS {
-        let mut sum = local[first + k];
-        for t in 0..k {
-            sum -= block[t * height + first + k] * y[t];
-        }
-        y[k] = sum * block[k * height + first + k];
-    }
-    local[first..first + COLUMNS].copy_from_slice(&y);
+fn forward<S: Simd, const COLUMNS: usize>(
+    simd: S,
+    block: &[f64],
+    height: usize,
+    own: &mut [f64],
+    first: usize,
+) {
+    let (own, later) = own[first..].split_at_mut(BLOCK);
     let mut factors = [simd.splat_f64s(0.0); COLUMNS];
-    for (factor, y) in factors.iter_mut().zip(y) {
-        *factor = simd.splat_f64s(-y);
+    for (k, column) in block.chunks_exact(height).enumerate() {
+        own[k] *= column[first + k];
+        for row in k + 1..COLUMNS {
+            own[row] -= column[first + row] * own[k];
+        }
+        factors[k] = simd.splat_f64s(own[k]);
     }
-    let start = first + BLOCK;
-    let columns: [&[S::f64s]; COLUMNS] =
-        std::array::from_fn(|k| S::as_simd_f64s(&block[k * height + start..(k + 1) * height]).0);
-    let rest = S::as_mut_simd_f64s(&mut local[start..]).0;
-    for (v, value) in rest.iter_mut().enumerate() {
-        for (column, factor) in columns.iter().zip(factors) {
-            *value = simd.mul_add_f64s(column[v], factor, *value);
+    for (v, value) in S::as_mut_simd_f64s(later).0.iter_mut().enumerate() {
+        let row = first + BLOCK + v * S::F64_LANES;
+        for (column, factor) in block.chunks_exact(height).zip(factors) {
+            let entries = vectors::<S, 1>(column, row)[0];
+            *value = simd.negate_mul_add_f64s(entries, factor, *value);
         }
     }
 }
 
-/// Solves for the columns of a block, from `first` on, with all later rows known.
+/// `target` becomes the sum of the panel's columns, some vectors from `row` on, times `factors`.
+#[inline(always)]
+fn combine<S: Simd, const VECTORS: usize>(
+    simd: S,
+    panel: &[f64],
+    height: usize,
+    row: usize,
+    factors: &[f64],
+    target: &mut [f64],
+) {
+    let mut sums = [simd.splat_f64s(0.0); VECTORS];
+    for (column, &factor) in panel.chunks_exact(height).zip(factors) {
+        let factor = simd.splat_f64s(factor);
+        for (sum, &entries) in sums.iter_mut().zip(vectors::<S, VECTORS>(column, row)) {
+            *sum = simd.mul_add_f64s(entries, factor, *sum);
+        }
+    }
+    vectors_mut::<S, VECTORS>(target, 0).copy_from_slice(&sums);
+}
+
+/// Solves for the columns of a block, from `first` on, with the front's later columns and the rows
+/// below known.
 #[inline(always)]
 fn backward<S: Simd, const COLUMNS: usize>(
     simd: S,
     block: &[f64],
-    local: &mut [f64],
+    height: usize,
+    own: &mut [f64],
+    below: &[f64],
     first: usize,
 ) {
-    let height = local.len();
-    let start = first + BLOCK;
-    let columns: [&[S::f64s]; COLUMNS] =
-        std::array::from_fn(|k| S::as_simd_f64s(&block[k * height + start..(k + 1) * height]).0);
+    let top = own.len();
+    let (own, later) = own[first..].split_at_mut(BLOCK);
     let mut sums = [simd.splat_f64s(0.0); COLUMNS];
-    for (v, &value) in S::as_simd_f64s(&local[start..]).0.iter().enumerate() {
-        for (sum, column) in sums.iter_mut().zip(columns) {
-            *sum = simd.mul_add_f64s(column[v], value, *sum);
+    for (known, from) in [(&*later, first + BLOCK), (below, top)] {
+        for (v, &value) in S::as_simd_f64s(known).0.iter().enumerate() {
+            let row = from + v * S::F64_LANES;
+            for (sum, column) in sums.iter_mut().zip(block.chunks_exact(height)) {
+                let entries = vectors::<S, 1>(column, row)[0];
+                *sum = simd.mul_add_f64s(entries, value, *sum);
+            }
         }
     }
-    for k in (0..COLUMNS).rev() {
-        let mut value = local[first + k] - simd.reduce_sum_f64s(sums[k]);
-        for t in k + 1..COLUMNS {
-            value -= block[k * height + first + t] * local[first + t];
+    for (k, column) in block.chunks_exact(height).enumerate().rev() {
+        let mut value = own[k] - simd.reduce_sum_f64s(sums[k]);
+        for row in k + 1..COLUMNS {
+            value -= column[first + row] * own[row];
         }
-        local[first + k] = value * block[k * height + first + k];
+        own[k] = value * column[first + k];
     }
 }
 
