@@ -446,20 +446,32 @@ fn factor_block<S: Simd, const COLUMNS: usize>(
         }
     }
     let mut triangle = [[0.0; COLUMNS]; COLUMNS];
-    for k in 0..COLUMNS {
+    for (k, column) in block.chunks_exact(height).enumerate() {
         for row in k..COLUMNS {
-            let mut value = block[k * height + first + row];
-            for t in 0..k {
-                value -= triangle[row][t] * triangle[k][t];
+            triangle[row][k] = column[first + row];
+        }
+    }
+    for k in 0..COLUMNS {
+        let pivot = triangle[k][k];
+        if !(pivot > 0.0 && pivot.is_finite()) {
+            return false;
+        }
+        // The next pivot waits for this division, but for no root.
+        let inverse = 1.0 / pivot;
+        for row in k + 1..COLUMNS {
+            for column in k + 1..=row {
+                triangle[row][column] -= triangle[row][k] * triangle[column][k] * inverse;
             }
-            triangle[row][k] = if row > k {
-                value * triangle[k][k]
-            } else if value > 0.0 && value.is_finite() {
-                1.0 / value.sqrt()
-            } else {
-                return false;
-            };
-            block[k * height + first + row] = triangle[row][k];
+        }
+        let scale = inverse.sqrt();
+        triangle[k][k] = scale;
+        for row in k + 1..COLUMNS {
+            triangle[row][k] *= scale;
+        }
+    }
+    for (k, column) in block.chunks_exact_mut(height).enumerate() {
+        for row in k..COLUMNS {
+            column[first + row] = triangle[row][k];
         }
     }
 

@@ -1,7 +1,5 @@
 //! Self-collision: nodes as balls, averaged projected Jacobi, friction towards the substep's start.
 
-use std::collections::HashSet;
-
 use selvedge_cloth::Mesh;
 use selvedge_math::DVec3;
 
@@ -13,7 +11,7 @@ const NEIGHBOURS: usize = 12;
 const STALE: f64 = 0.035;
 /// Ball diameter per mean edge length, before the thickness factor.
 const EDGES_PER_RADIUS: f64 = 2.05;
-/// Nodes at the two ends of a short edge or diagonal touch at this share of its length.
+/// Nodes at the two ends of a short diagonal touch at this share of its length.
 const SHORT: f64 = 0.976;
 const SWEEP_LIMIT: usize = 50;
 /// Friction is applied in the first passes only.
@@ -22,8 +20,7 @@ const FRICTION_PASSES: usize = 5;
 /// The contact state that outlives a substep.
 #[derive(Clone, Debug)]
 struct Candidates {
-    /// Pairs `(i, j)`, `i < j`, with their contact distance `R` [m].
-    pairs: Vec<([u32; 2], f64)>,
+    pairs: Vec<Pair>,
     /// Reference positions and distances to the origin for the staleness test.
     reference: Vec<DVec3>,
     origin_distance: Vec<f64>,
@@ -40,25 +37,62 @@ impl Candidates {
     }
 }
 
+/// Two nodes that may touch.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    /// `i < j`.
+    nodes: [u32; 2],
+    /// Between the centres of touching balls: `R` [m].
+    distance: f64,
+}
+
+impl Pair {
+    fn between(&self, pass: &Pass<'_>, x: &[DVec3]) -> Between {
+        let [i, j] = self.nodes.map(|node| node as usize);
+        let vector = x[j] - x[i];
+        let crossed = (pass.start[j] - pass.start[i]).dot(vector) < 0.0;
+        Between { vector, crossed }
+    }
+}
+
+/// From the first node of a pair to the second [m].
+struct Between {
+    vector: DVec3,
+    /// A pair stays on the side on which it began the substep: on the other one its length counts
+    /// as negative.
+    crossed: bool,
+}
+
+impl Between {
+    /// Whether the signed length is below a limit [m], without a root.
+    fn below(&self, limit: f64) -> bool {
+        let squared = self.vector.length_squared();
+        if self.crossed {
+            limit > 0.0 || squared > limit * limit
+        } else {
+            limit > 0.0 && squared < limit * limit
+        }
+    }
+}
+
 /// The balls and what they touch.
 #[derive(Clone, Debug)]
 pub(crate) struct Contact {
     /// Ball radius `r` [m].
     radius: f64,
-    /// Pairs that share an edge, never in contact.
-    edges: HashSet<[u32; 2]>,
-    /// Contact distance of quad diagonals where it is below `2 r`.
-    diagonals: Vec<([u32; 2], f64)>,
+    /// By node the later nodes of the same quads: node `i` has
+    /// `close[close_start[i]..close_start[i + 1]]`, each with its contact distance; `None` across
+    /// an edge, whose ends are never in contact.
+    close: Vec<(u32, Option<f64>)>,
+    close_start: Vec<u32>,
     inverse_areas: Vec<f64>,
     candidates: Candidates,
     /// The candidates before the present step, to go back to when it fails.
     before: Candidates,
     take_reference: bool,
     // Scratch of one substep, by pair.
-    start: Vec<DVec3>,
     active: Vec<bool>,
     // Scratch of one pass.
-    gaps: Vec<(f64, DVec3)>,
     touching: Vec<Touch>,
     correction: Vec<DVec3>,
     count: Vec<f64>,
@@ -97,14 +131,21 @@ impl Contact {
         let rest = mesh.rest();
         let length = |a: u32, b: u32| rest[a as usize].distance(rest[b as usize]);
         let radius = thickness_factor * mean_edge(mesh) / EDGES_PER_RADIUS;
-        let diagonals = mesh
-            .quads()
-            .iter()
-            .flat_map(|q| [[q[0], q[2]], [q[1], q[3]]])
-            .map(|[a, b]| ([a.min(b), a.max(b)], SHORT * length(a, b)))
-            .filter(|&(_, distance)| distance < 2.0 * radius)
-            .collect();
         let n = rest.len();
+        let mut close_to = vec![Vec::new(); n];
+        for &[p, q] in mesh.edges() {
+            close_to[p.min(q) as usize].push((p.max(q), None));
+        }
+        for &[a, b, c, d] in mesh.quads() {
+            for [p, q] in [[a, c], [b, d]] {
+                let distance = (2.0 * radius).min(SHORT * length(p, q));
+                close_to[p.min(q) as usize].push((p.max(q), Some(distance)));
+            }
+        }
+        let mut close_start = vec![0];
+        for close in &close_to {
+            close_start.push(close_start[close_start.len() - 1] + close.len() as u32);
+        }
         let candidates = Candidates {
             pairs: Vec::new(),
             reference: rest.to_vec(),
@@ -113,15 +154,13 @@ impl Contact {
         };
         Self {
             radius,
-            edges: mesh.edges().iter().copied().collect(),
-            diagonals,
+            close: close_to.concat(),
+            close_start,
             inverse_areas: inverse_areas.to_vec(),
             before: candidates.clone(),
             candidates,
             take_reference: false,
-            start: Vec::new(),
             active: Vec::new(),
-            gaps: Vec::new(),
             touching: Vec::new(),
             correction: vec![DVec3::ZERO; n],
             count: vec![0.0; n],
@@ -193,7 +232,7 @@ impl Contact {
             .iter()
             .zip(&self.candidates.reference)
             .zip(&self.candidates.origin_distance)
-            .any(|((x, y), d)| x.distance(*y) / d > STALE);
+            .any(|((x, y), d)| x.distance_squared(*y) > (STALE * d) * (STALE * d));
         if pass.force_rebuild || moved {
             self.find_candidates(x, pass.held);
             for (d, x) in self.candidates.origin_distance.iter_mut().zip(x) {
@@ -202,13 +241,6 @@ impl Contact {
             self.take_reference = true;
             self.candidates.rebuilds += 1;
         }
-        self.start.clear();
-        self.start.extend(
-            self.candidates
-                .pairs
-                .iter()
-                .map(|&([i, j], _)| pass.start[j as usize] - pass.start[i as usize]),
-        );
         self.active.clear();
         self.active.resize(self.candidates.pairs.len(), false);
     }
@@ -220,37 +252,37 @@ impl Contact {
         self.candidates.pairs.clear();
         self.search.fill(x, reach);
         for i in 0..x.len() as u32 {
+            let i_held = held.binary_search(&i).is_ok();
+            let close =
+                self.close_start[i as usize] as usize..self.close_start[i as usize + 1] as usize;
+            let close = &self.close[close];
             for &(_, j) in self.search.nearest(x, i, reach, NEIGHBOURS) {
-                let both_held = held.binary_search(&i).is_ok() && held.binary_search(&j).is_ok();
-                if i < j && !both_held && !self.edges.contains(&[i, j]) {
-                    let short = self.diagonals.iter().find(|(pair, _)| *pair == [i, j]);
-                    self.candidates
-                        .pairs
-                        .push(([i, j], short.map_or(2.0 * self.radius, |&(_, d)| d)));
+                if j < i || i_held && held.binary_search(&j).is_ok() {
+                    continue;
+                }
+                let distance = match close.iter().find(|(node, _)| *node == j) {
+                    Some(&(_, distance)) => distance,
+                    None => Some(2.0 * self.radius),
+                };
+                if let Some(distance) = distance {
+                    self.candidates.pairs.push(Pair {
+                        nodes: [i, j],
+                        distance,
+                    });
                 }
             }
         }
     }
 
-    /// Measures every candidate; false when none is deeper than the tolerance, in which case
+    /// Finds the pairs to correct; false when none is deeper than the tolerance, in which case
     /// nothing is corrected at all.
     fn find_active(&mut self, pass: &Pass<'_>, x: &[DVec3]) -> bool {
-        let mut deepest = f64::INFINITY;
-        self.gaps.clear();
-        for (&([i, j], distance), start) in self.candidates.pairs.iter().zip(&self.start) {
-            let between = x[j as usize] - x[i as usize];
-            let mut length = between.length();
-            let mut normal = between / length;
-            // A pair stays on the side on which it began the substep.
-            if start.dot(normal) < 0.0 {
-                normal = -normal;
-                length = -length;
-            }
-            let gap = length - distance;
-            deepest = deepest.min(gap / distance);
-            self.gaps.push((gap, normal));
-        }
-        if self.candidates.pairs.is_empty() || deepest >= -pass.tolerance {
+        let pairs = &self.candidates.pairs;
+        let deep = |pair: &Pair| {
+            pair.between(pass, x)
+                .below(pair.distance * (1.0 - pass.tolerance))
+        };
+        if !pairs.iter().any(deep) {
             return false;
         }
         self.weights.copy_from_slice(&self.inverse_areas);
@@ -259,11 +291,15 @@ impl Contact {
         }
         self.touching.clear();
         self.count.fill(0.0);
-        for (k, (&(nodes, distance), &(gap, normal))) in
-            self.candidates.pairs.iter().zip(&self.gaps).enumerate()
-        {
-            self.active[k] |= gap / distance < pass.tolerance;
-            if self.active[k] {
+        for (pair, active) in pairs.iter().zip(&mut self.active) {
+            let between = pair.between(pass, x);
+            *active |= between.below(pair.distance * (1.0 + pass.tolerance));
+            if *active {
+                let &Pair { nodes, distance } = pair;
+                let length = between.vector.length();
+                let sign = if between.crossed { -1.0 } else { 1.0 };
+                let normal = sign * (between.vector / length);
+                let gap = sign * length - distance;
                 let [i, j] = nodes.map(|node| node as usize);
                 self.count[i] += 1.0;
                 self.count[j] += 1.0;
@@ -401,7 +437,8 @@ impl Search {
         }
     }
 
-    /// The nodes nearest to node `i`, at most `limit` of them, those closer than `reach`.
+    /// The nodes nearest to node `i`, at most `limit` of them, those closer than `reach`, with their
+    /// squared distances.
     fn nearest(&mut self, x: &[DVec3], i: u32, reach: f64, limit: usize) -> &[(f64, u32)] {
         let centre = x[i as usize];
         let [cx, cy, cz] = self.cell[i as usize];
@@ -422,17 +459,19 @@ impl Search {
                     let range =
                         self.bucket_start[bucket] as usize..self.bucket_start[bucket + 1] as usize;
                     for &j in &self.order[range] {
-                        let distance = centre.distance(x[j as usize]);
-                        if j != i && distance < reach {
-                            self.found.push((distance, j));
+                        let squared = centre.distance_squared(x[j as usize]);
+                        if j != i && squared < reach * reach {
+                            self.found.push((squared, j));
                         }
                     }
                 }
             }
         }
-        self.found
-            .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        self.found.truncate(limit);
+        if self.found.len() > limit {
+            let nearer = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+            self.found.select_nth_unstable_by(limit - 1, nearer);
+            self.found.truncate(limit);
+        }
         self.found.sort_unstable_by_key(|&(_, j)| j);
         &self.found
     }
