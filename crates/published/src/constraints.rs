@@ -16,6 +16,8 @@ pub(crate) struct Family {
     row: Vec<u32>,
     node: Vec<u32>,
     gradient: Vec<DVec3>,
+    /// The gradients times `inverse_areas`.
+    weighted: Vec<DVec3>,
     /// The entries at node `n` are `at_node[node_start[n]..node_start[n + 1]]`.
     node_start: Vec<u32>,
     at_node: Vec<u32>,
@@ -109,6 +111,7 @@ impl Family {
             row: entries.iter().map(|e| e.0).collect(),
             node: entries.iter().map(|e| e.1).collect(),
             gradient: vec![DVec3::ZERO; entries.len()],
+            weighted: vec![DVec3::ZERO; entries.len()],
             products,
             cholesky,
             values: vec![0.0; pattern.len()],
@@ -141,12 +144,15 @@ impl Family {
             let w = &mut self.inverse_areas[node as usize];
             *w *= c / (*w + c);
         }
+        for ((weighted, &gradient), &node) in
+            self.weighted.iter_mut().zip(&self.gradient).zip(&self.node)
+        {
+            *weighted = gradient * self.inverse_areas[node as usize];
+        }
         self.values.fill(0.0);
         for product in &self.products {
             let (first, second) = (product.first as usize, product.second as usize);
-            let w = self.inverse_areas[self.node[first] as usize];
-            self.values[product.entry as usize] +=
-                self.gradient[first].dot(self.gradient[second]) * w;
+            self.values[product.entry as usize] += self.gradient[first].dot(self.weighted[second]);
         }
         for &entry in &self.diagonal {
             self.values[entry as usize] += c;
