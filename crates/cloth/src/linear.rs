@@ -5,8 +5,6 @@
 //! some hundred nodes have 5 to 60 rows, where a kernel without set-up cost is several times
 //! faster. This is the only file that names faer and pulp.
 
-use std::ops::Range;
-
 use faer::Side;
 use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::cholesky::{
@@ -52,10 +50,9 @@ pub struct Cholesky {
     entries: Vec<[u32; 2]>,
     /// Rows below the columns of each front, by their places among the padded unknowns.
     rows: Vec<u32>,
-    /// For each of these rows its place in a column of the parent's panel.
-    places: Vec<u32>,
-    /// The fronts below each front.
-    children: Vec<u32>,
+    /// What the children of each front add to it: where it waits on their stack, and its place in
+    /// the panel or, after those, in the update matrix.
+    additions: Vec<[u32; 2]>,
     /// The panel of each front, column by column: its rows in the columns of the front, then those
     /// below, each part padded. Above the diagonal is nothing of use.
     panels: Vec<f64>,
@@ -75,18 +72,16 @@ struct Front {
     /// Where the rows below begin, and how many there are.
     row: usize,
     below: usize,
-    /// How many of them are columns of the parent.
-    inside: usize,
     /// Where the panel begins.
     panel: usize,
     /// Where its update matrix lies on which of the two stacks.
     update: usize,
     stack: usize,
-    /// Its ranges of `entries` and `children`.
+    /// Its range of `entries`.
     first_entry: usize,
     last_entry: usize,
-    first_child: usize,
-    last_child: usize,
+    /// Its ranges of `additions`: to the panel `[0]..[1]`, to the update matrix `[1]..[2]`.
+    additions: [usize; 3],
 }
 
 impl Front {
@@ -186,48 +181,62 @@ impl Cholesky {
         // Fronts in that order, with the place of each row in the parent
         let mut number = vec![0; count];
         let mut fronts: Vec<Front> = Vec::with_capacity(count);
-        let (mut rows, mut places, mut children_of) = (Vec::new(), Vec::new(), Vec::new());
-        let mut size = 0;
+        let (mut rows, mut additions) = (Vec::new(), Vec::new());
+        let (mut size, mut longest) = (0, 0);
         // Present and greatest heights of the two stacks of update matrices.
         let (mut used, mut needed) = ([0, 0], [0, 0]);
         for &(s, depth) in &order {
             number[s] = fronts.len();
             let pattern = supernodes.supernode(s).pattern();
-            let first_child = children_of.len();
-            children_of.extend(children[s].iter().map(|&child| number[child] as u32));
+            rows.extend(pattern.iter().map(|&row| padded[row as usize]));
             let mut front = Front {
                 column: padded[begin[s]] as usize,
                 columns: end[s] - begin[s],
-                row: rows.len(),
+                row: rows.len() - pattern.len(),
                 below: pattern.len(),
-                inside: 0,
                 panel: size,
                 update: used[depth % 2],
                 stack: depth % 2,
                 first_entry: 0,
                 last_entry: 0,
-                first_child,
-                last_child: children_of.len(),
+                additions: [additions.len(); 3],
             };
-            size += front.columns * front.height();
-            rows.extend(pattern.iter().map(|&row| padded[row as usize]));
-            if let Some(&first) = pattern.first() {
-                let parent = front_of[first as usize];
-                let above = supernodes.supernode(parent).pattern();
-                front.inside = pattern.partition_point(|&row| (row as usize) < end[parent]);
-                places.extend(
-                    pattern
-                        .iter()
-                        .map(|&row| place_in_front(begin[parent], end[parent], above, row) as u32),
-                );
-            }
-            for &child in &children_of[first_child..] {
-                let child = &fronts[child as usize];
+            let (top, height, bottom) = (front.top(), front.height(), front.bottom());
+            size += front.columns * height;
+            longest = bottom.max(longest);
+
+            let mut to_update = Vec::new();
+            for &child in &children[s] {
+                let places: Vec<usize> = supernodes
+                    .supernode(child)
+                    .pattern()
+                    .iter()
+                    .map(|&row| place_in_front(begin[s], end[s], pattern, row))
+                    .collect();
+                let child = &fronts[number[child]];
+                for (k, &column) in places.iter().enumerate() {
+                    for (row, &place) in places.iter().enumerate().skip(k) {
+                        let from = (child.update + k * child.bottom() + row) as u32;
+                        if column < top {
+                            additions.push([from, (column * height + place) as u32]);
+                        } else {
+                            let to = (column - top) * bottom + place - top;
+                            to_update.push([from, to as u32]);
+                        }
+                    }
+                }
                 used[child.stack] -= child.bottom() * child.bottom();
             }
-            used[front.stack] += front.bottom() * front.bottom();
+            front.additions[1] = additions.len();
+            additions.append(&mut to_update);
+            front.additions[2] = additions.len();
+            used[front.stack] += bottom * bottom;
             needed[front.stack] = used[front.stack].max(needed[front.stack]);
             fronts.push(front);
+        }
+
+        if needed.iter().any(|&needed| u32::try_from(needed).is_err()) {
+            return Err(Error::Factorisation("the matrix is too large".into()));
         }
 
         // The entries by front
@@ -254,14 +263,12 @@ impl Cholesky {
             }
             front.last_entry = k + 1;
         }
-        let longest = fronts.iter().map(Front::bottom).max().unwrap_or(0);
         Ok(Self {
             position: position.iter().map(|&k| padded[k as usize]).collect(),
             fronts,
             entries: sorted.into_iter().map(|(_, entry)| entry).collect(),
             rows,
-            places,
-            children: children_of,
+            additions,
             panels: vec![0.0; size],
             waiting: needed.map(|size| vec![0.0; size]),
             unknowns: vec![0.0; unknowns],
@@ -337,8 +344,7 @@ impl WithSimd for Factor<'_> {
             Cholesky {
                 fronts,
                 entries,
-                places,
-                children,
+                additions,
                 panels,
                 waiting,
                 ..
@@ -353,56 +359,32 @@ impl WithSimd for Factor<'_> {
                 (&mut *odd, &*even)
             };
             let (height, bottom) = (front.height(), front.bottom());
-            let children = children[front.first_child..front.last_child]
-                .iter()
-                .map(|&child| {
-                    let child = &fronts[child as usize];
-                    let update = &childrens[child.update..][..child.below * child.bottom()];
-                    (child, update, &places[child.row..child.row + child.below])
-                });
+            let [first, middle, last] = front.additions;
 
-            let panel = &mut panels[front.panel..front.panel + front.columns * height];
+            let panel = &mut panels[front.panel..][..front.columns * height];
             panel.fill(0.0);
             for &[value, place] in &entries[front.first_entry..front.last_entry] {
                 panel[place as usize] = values[value as usize];
             }
-            for (child, update, places) in children.clone() {
-                add_columns(panel, height, 0, update, child, places, 0..child.inside);
-            }
+            add(panel, childrens, &additions[first..middle]);
             if !factor_panel(simd, panel, front.columns, height) {
                 return false;
             }
-
-            if front.below > 0 {
-                let update = &mut own[front.update..front.update + bottom * bottom];
+            let update = &mut own[front.update..][..bottom * bottom];
+            if bottom > 0 {
                 negative_squares(simd, update, bottom, panel, height);
-                for (child, rest, places) in children {
-                    let columns = child.inside..child.below;
-                    add_columns(update, bottom, front.top(), rest, child, places, columns);
-                }
+                add(update, childrens, &additions[middle..last]);
             }
         }
         true
     }
 }
 
-/// Adds columns of a child's update matrix at the places of its rows, counted from `shift`.
+/// Adds entries of the children's update matrices at their places.
 #[inline(always)]
-fn add_columns(
-    target: &mut [f64],
-    height: usize,
-    shift: usize,
-    update: &[f64],
-    child: &Front,
-    places: &[u32],
-    columns: Range<usize>,
-) {
-    for k in columns {
-        let column = &update[k * child.bottom()..][..child.below];
-        let target = &mut target[(places[k] as usize - shift) * height..][..height];
-        for (&value, &place) in column[k..].iter().zip(&places[k..]) {
-            target[place as usize - shift] += value;
-        }
+fn add(target: &mut [f64], childrens: &[f64], additions: &[[u32; 2]]) {
+    for &[from, to] in additions {
+        target[to as usize] += childrens[from as usize];
     }
 }
 
