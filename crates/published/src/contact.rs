@@ -389,51 +389,57 @@ pub(crate) fn mean_edge(mesh: &Mesh) -> f64 {
 /// Exact nearest neighbours within a reach, by a hashed grid of cells of that size.
 #[derive(Clone, Debug, Default)]
 struct Search {
-    cell: Vec<[i64; 3]>,
-    /// Nodes sorted by bucket; bucket `b` holds `order[bucket_start[b]..bucket_start[b + 1]]`.
+    /// Bucket and cell of each node.
+    places: Vec<(u32, [i64; 3])>,
+    /// Nodes by bucket; bucket `b` holds `sorted[bucket_start[b]..bucket_start[b + 1]]`.
     bucket_start: Vec<u32>,
-    order: Vec<u32>,
+    sorted: Vec<Sorted>,
     found: Vec<(f64, u32)>,
-    visited: Vec<usize>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Sorted {
+    node: u32,
+    cell: [i64; 3],
+    position: DVec3,
+}
+
+/// One of `count` buckets, a power of two.
+fn bucket(cell: [i64; 3], count: usize) -> usize {
+    let mixed = (cell[0].wrapping_mul(73_856_093))
+        ^ (cell[1].wrapping_mul(19_349_663))
+        ^ (cell[2].wrapping_mul(83_492_791));
+    mixed as usize & (count - 1)
 }
 
 impl Search {
-    fn bucket(&self, cell: [i64; 3]) -> usize {
-        let mixed = (cell[0].wrapping_mul(73_856_093))
-            ^ (cell[1].wrapping_mul(19_349_663))
-            ^ (cell[2].wrapping_mul(83_492_791));
-        // The number of buckets is a power of two.
-        mixed as usize & (self.bucket_start.len() - 2)
-    }
-
     fn fill(&mut self, x: &[DVec3], reach: f64) {
-        let buckets = x.len().next_power_of_two();
+        let count = x.len().next_power_of_two();
+        self.places.clear();
+        self.places.extend(x.iter().map(|p| {
+            let cell = (*p / reach).to_array().map(|c| c.floor() as i64);
+            (bucket(cell, count) as u32, cell)
+        }));
+        // Sizes, then ends of the buckets; filling from the back turns the ends into starts.
         self.bucket_start.clear();
-        self.bucket_start.resize(buckets + 1, 0);
-        self.cell.clear();
-        self.cell.extend(
-            x.iter()
-                .map(|p| (*p / reach).to_array().map(|c| c.floor() as i64)),
-        );
-        for k in 0..x.len() {
-            let b = self.bucket(self.cell[k]);
-            self.bucket_start[b + 1] += 1;
+        self.bucket_start.resize(count + 1, 0);
+        for &(bucket, _) in &self.places {
+            self.bucket_start[bucket as usize] += 1;
         }
-        for b in 0..buckets {
-            self.bucket_start[b + 1] += self.bucket_start[b];
+        let mut end = 0;
+        for bucket in &mut self.bucket_start {
+            end += *bucket;
+            *bucket = end;
         }
-        self.order.clear();
-        self.order.resize(x.len(), 0);
-        // Filled from the back, so that the starts end up where they belong.
-        for k in (0..x.len()).rev() {
-            let b = self.bucket(self.cell[k]);
-            let end = &mut self.bucket_start[b + 1];
+        self.sorted.resize(x.len(), Sorted::default());
+        for (node, &(bucket, cell)) in self.places.iter().enumerate().rev() {
+            let end = &mut self.bucket_start[bucket as usize];
             *end -= 1;
-            self.order[*end as usize] = k as u32;
-        }
-        self.bucket_start.rotate_left(1);
-        if let Some(last) = self.bucket_start.last_mut() {
-            *last = x.len() as u32;
+            self.sorted[*end as usize] = Sorted {
+                node: node as u32,
+                cell,
+                position: x[node],
+            };
         }
     }
 
@@ -441,27 +447,22 @@ impl Search {
     /// squared distances.
     fn nearest(&mut self, x: &[DVec3], i: u32, reach: f64, limit: usize) -> &[(f64, u32)] {
         let centre = x[i as usize];
-        let [cx, cy, cz] = self.cell[i as usize];
+        let (_, [cx, cy, cz]) = self.places[i as usize];
+        let count = self.bucket_start.len() - 1;
         self.found.clear();
-        self.visited.clear();
-        for dx in -1..=1 {
-            for dy in -1..=1 {
-                for dz in -1..=1 {
-                    let bucket = self.bucket([
-                        cx.wrapping_add(dx),
-                        cy.wrapping_add(dy),
-                        cz.wrapping_add(dz),
-                    ]);
-                    if self.visited.contains(&bucket) {
-                        continue;
-                    }
-                    self.visited.push(bucket);
+        let around = |c: i64| [c.wrapping_sub(1), c, c.wrapping_add(1)];
+        for x in around(cx) {
+            for y in around(cy) {
+                for z in around(cz) {
+                    let cell = [x, y, z];
+                    let bucket = bucket(cell, count);
                     let range =
                         self.bucket_start[bucket] as usize..self.bucket_start[bucket + 1] as usize;
-                    for &j in &self.order[range] {
-                        let squared = centre.distance_squared(x[j as usize]);
-                        if j != i && squared < reach * reach {
-                            self.found.push((squared, j));
+                    for other in &self.sorted[range] {
+                        let squared = centre.distance_squared(other.position);
+                        // Other cells may share the bucket.
+                        if squared < reach * reach && other.cell == cell && other.node != i {
+                            self.found.push((squared, other.node));
                         }
                     }
                 }
