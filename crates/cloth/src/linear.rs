@@ -299,6 +299,8 @@ impl Cholesky {
     /// When `rhs` has not `n` entries.
     pub fn solve(&mut self, rhs: &mut [f64]) {
         assert_eq!(rhs.len(), self.position.len(), "one entry a row");
+        // The padding too, where an earlier right hand side may have left what is not a number.
+        self.unknowns.fill(0.0);
         for (&p, &value) in self.position.iter().zip(&*rhs) {
             self.unknowns[p as usize] = value;
         }
@@ -922,5 +924,12 @@ mod tests {
             ));
         }
         cholesky.factor(&values(&good)).unwrap();
+        let mut expected = vec![1.0; n * n];
+        cholesky.solve(&mut expected);
+        let mut lost = vec![f64::NAN; n * n];
+        cholesky.solve(&mut lost);
+        let mut x = vec![1.0; n * n];
+        cholesky.solve(&mut x);
+        assert_eq!(x, expected);
     }
 }

@@ -146,8 +146,9 @@ impl Contact {
         for close in &close_to {
             close_start.push(close_start[close_start.len() - 1] + close.len() as u32);
         }
-        let candidates = Candidates {
-            pairs: Vec::new(),
+        let most_pairs = NEIGHBOURS * n;
+        let candidates = || Candidates {
+            pairs: Vec::with_capacity(most_pairs),
             reference: rest.to_vec(),
             origin_distance: vec![1.0; n],
             rebuilds: 0,
@@ -157,15 +158,18 @@ impl Contact {
             close: close_to.concat(),
             close_start,
             inverse_areas: inverse_areas.to_vec(),
-            before: candidates.clone(),
-            candidates,
+            before: candidates(),
+            candidates: candidates(),
             take_reference: false,
-            active: Vec::new(),
-            touching: Vec::new(),
+            active: Vec::with_capacity(most_pairs),
+            touching: Vec::with_capacity(most_pairs),
             correction: vec![DVec3::ZERO; n],
             count: vec![0.0; n],
             weights: inverse_areas.to_vec(),
-            search: Search::default(),
+            search: Search {
+                found: Vec::with_capacity(n),
+                ..Search::default()
+            },
         }
     }
 
@@ -521,5 +525,146 @@ mod tests {
                 assert_eq!(got, expected);
             }
         }
+    }
+
+    /// Three by three nodes with edges of 1 m, far from each other but for those that a test moves.
+    fn scattered() -> (Contact, Vec<DVec3>) {
+        let mesh = Mesh::grid([3, 3], [2.0, 2.0]).unwrap();
+        let contact = Contact::new(&mesh, &[WEIGHT; 9], 0.95);
+        (
+            contact,
+            (0..9).map(|k| DVec3::Z * 100.0 * f64::from(k)).collect(),
+        )
+    }
+
+    /// Inverse area of every node, and the compliance.
+    const WEIGHT: f64 = 4.0;
+    const COMPLIANCE: f64 = 2.0;
+    /// Contact distance at edges of 1 m.
+    const DIAMETER: f64 = 2.0 * 0.95 / 2.05;
+
+    fn first_pass<'a>(start: &'a [DVec3], held: &'a [u32]) -> Pass<'a> {
+        Pass {
+            number: 0,
+            force_rebuild: true,
+            start,
+            held,
+            compliance: COMPLIANCE,
+            tolerance: 0.0075,
+            friction: 0.0,
+        }
+    }
+
+    #[test]
+    fn two_balls_are_pushed_apart_along_their_line() {
+        let (mut contact, mut x) = scattered();
+        (x[0], x[4]) = (DVec3::ZERO, DVec3::X * 0.5);
+        let start = x.clone();
+        contact.pass(&first_pass(&start, &[]), &mut x);
+        assert_eq!(contact.active_count(), 1);
+        // One pair: exact in the first sweep.
+        let push = WEIGHT * (DIAMETER - 0.5) / (2.0 * WEIGHT + COMPLIANCE);
+        assert!(x[0].distance(DVec3::X * -push) < 1e-15);
+        assert!(x[4].distance(DVec3::X * (0.5 + push)) < 1e-15);
+    }
+
+    #[test]
+    fn a_ball_that_changed_sides_is_pushed_back() {
+        let (mut contact, mut x) = scattered();
+        (x[0], x[4]) = (DVec3::ZERO, DVec3::X * -0.5);
+        let start = x.clone();
+        x[4] = DVec3::X * 0.3;
+        contact.pass(&first_pass(&start, &[]), &mut x);
+        // The gap is -0.3 - R, the normal from node 0 to node 4 still points to -x.
+        let push = WEIGHT * (DIAMETER + 0.3) / (2.0 * WEIGHT + COMPLIANCE);
+        assert!(x[0].distance(DVec3::X * push) < 1e-15);
+        assert!(x[4].distance(DVec3::X * (0.3 - push)) < 1e-15);
+    }
+
+    #[test]
+    fn nothing_is_corrected_until_one_pair_is_deep() {
+        let (mut contact, mut x) = scattered();
+        (x[0], x[4]) = (DVec3::ZERO, DVec3::X * (DIAMETER * 0.993));
+        (x[1], x[5]) = (
+            DVec3::Y * 50.0,
+            DVec3::Y * 50.0 + DVec3::X * (DIAMETER * 1.007),
+        );
+        let start = x.clone();
+        contact.pass(&first_pass(&start, &[]), &mut x);
+        assert_eq!((contact.active_count(), &x), (0, &start));
+        x[4] = DVec3::X * (DIAMETER * 0.99);
+        contact.pass(&first_pass(&start, &[]), &mut x);
+        assert_eq!(contact.active_count(), 2);
+    }
+
+    /// A ball between two held ones has nowhere to go. With no motion a sweep leaves the share
+    /// `q = 1 - c/D`, `D = w + c`, of the residual: `lambda = (1 - q^51) g/c` after 50 sweeps.
+    #[test]
+    fn sweeps_end_at_their_limit() {
+        let (mut contact, mut x) = scattered();
+        (x[0], x[4], x[8]) = (DVec3::X * -0.25, DVec3::ZERO, DVec3::X * 0.25);
+        let start = x.clone();
+        let compliance = 0.01;
+        let pass = Pass {
+            compliance,
+            ..first_pass(&start, &[0, 8])
+        };
+        contact.pass(&pass, &mut x);
+        assert_eq!(x, start);
+        let left: f64 = 1.0 - compliance / (WEIGHT + compliance);
+        let lambda = (1.0 - left.powi(51)) * (DIAMETER - 0.25) / compliance;
+        assert_eq!(contact.active_count(), 2);
+        for touch in &contact.touching {
+            assert!(
+                (touch.lambda / lambda - 1.0).abs() < 1e-12,
+                "{} {lambda}",
+                touch.lambda
+            );
+        }
+    }
+
+    #[test]
+    fn thick_cloth_keeps_short_diagonals() {
+        let mesh = Mesh::grid([2, 2], [1.0, 1.0]).unwrap();
+        // Balls of 1.5/2.05 m would overlap along the diagonal of 1.414 m, those of 0.95/2.05 not.
+        for (thickness, distance) in [(1.5, 0.976 * 2f64.sqrt()), (0.95, DIAMETER)] {
+            let mut contact = Contact::new(&mesh, &[1.0; 4], thickness);
+            contact.find_candidates(mesh.rest(), &[]);
+            let nodes: Vec<[u32; 2]> = contact.candidates.pairs.iter().map(|p| p.nodes).collect();
+            assert_eq!(nodes, [[0, 3], [1, 2]]);
+            assert!(
+                contact
+                    .candidates
+                    .pairs
+                    .iter()
+                    .all(|p| (p.distance - distance).abs() < 1e-15)
+            );
+        }
+    }
+
+    #[test]
+    fn near_the_origin_candidates_are_stale_sooner() {
+        let mesh = Mesh::grid([3, 3], [2.0, 2.0]).unwrap();
+        let mut contact = Contact::new(&mesh, &[WEIGHT; 9], 0.95);
+        let mut x = mesh.rest().to_vec();
+        let start = x.clone();
+        let mut step = |contact: &mut Contact, node: usize, move_: f64| {
+            x[node].x += move_;
+            contact.pass(
+                &Pass {
+                    force_rebuild: false,
+                    ..first_pass(&start, &[])
+                },
+                &mut x,
+            );
+            contact.end_substep(&x);
+            contact.rebuild_count()
+        };
+        // Before the first search the distances count as 1 m.
+        assert_eq!(step(&mut contact, 4, 0.034), 0);
+        assert_eq!(step(&mut contact, 4, 0.002), 1);
+        // Node 4 is now 0.036 m from the origin, node 5 1 m.
+        assert_eq!(step(&mut contact, 5, 0.034), 1);
+        assert_eq!(step(&mut contact, 4, 0.002), 2);
     }
 }

@@ -47,8 +47,10 @@ pub(crate) struct Predictor {
     shares: Vec<[f64; 2]>,
     /// Change of height of every node by its weight [m].
     sinking: f64,
-    // Scratch: row j holds one row of the grid for each coordinate.
+    // Scratch: row j holds one row of the grid for each coordinate. The padding of `moving` is
+    // never written, so that nothing outlives a step that failed.
     moving: Vec<f64>,
+    half_way: Vec<f64>,
     amplitudes: Vec<f64>,
     change: Vec<f64>,
 }
@@ -77,6 +79,7 @@ impl Predictor {
             squared_eigenvalues,
             sinking: 0.0,
             moving: vec![0.0; nb * STATE * width],
+            half_way: vec![0.0; nb * STATE * width],
             amplitudes: vec![0.0; nb * STATE * width],
             change: vec![0.0; nb * SPACE * width],
         }
@@ -112,12 +115,17 @@ impl Predictor {
                 }
             }
         }
-        multiply(&self.analysis_y, &self.moving, nb, &mut self.amplitudes);
-        multiply(&self.amplitudes, &self.analysis_x, width, &mut self.moving);
+        multiply(&self.analysis_y, &self.moving, nb, &mut self.half_way);
+        multiply(
+            &self.half_way,
+            &self.analysis_x,
+            width,
+            &mut self.amplitudes,
+        );
         let shares = self.shares.chunks_exact(width);
         let changes = self.change.chunks_exact_mut(SPACE * width);
         for ((change, state), shares) in changes
-            .zip(self.moving.chunks_exact(STATE * width))
+            .zip(self.amplitudes.chunks_exact(STATE * width))
             .zip(shares)
         {
             let (positions, velocities) = state.split_at(SPACE * width);
@@ -131,9 +139,9 @@ impl Predictor {
                 }
             }
         }
-        let (half_way, change) = (&mut self.amplitudes[..nb * SPACE * width], &mut self.change);
-        multiply(change, &self.synthesis_x, width, half_way);
-        multiply(&self.synthesis_y, half_way, nb, change);
+        let half_way = &mut self.half_way[..nb * SPACE * width];
+        multiply(&self.change, &self.synthesis_x, width, half_way);
+        multiply(&self.synthesis_y, half_way, nb, &mut self.change);
         for (row, x) in self
             .change
             .chunks_exact(SPACE * width)
