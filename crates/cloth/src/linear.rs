@@ -430,33 +430,14 @@ fn factor_block<S: Simd, const COLUMNS: usize>(
         }
     }
     let mut triangle = [[0.0; COLUMNS]; COLUMNS];
-    for (k, column) in block.chunks_exact(height).enumerate() {
-        for row in k..COLUMNS {
-            triangle[row][k] = column[first + row];
-        }
+    for (own, column) in triangle.iter_mut().zip(block.chunks_exact(height)) {
+        own.copy_from_slice(&column[first..first + COLUMNS]);
     }
-    for k in 0..COLUMNS {
-        let pivot = triangle[k][k];
-        if !(pivot > 0.0 && pivot.is_finite()) {
-            return false;
-        }
-        // The next pivot waits for this division, but for no root.
-        let inverse = 1.0 / pivot;
-        for row in k + 1..COLUMNS {
-            for column in k + 1..=row {
-                triangle[row][column] -= triangle[row][k] * triangle[column][k] * inverse;
-            }
-        }
-        let scale = inverse.sqrt();
-        triangle[k][k] = scale;
-        for row in k + 1..COLUMNS {
-            triangle[row][k] *= scale;
-        }
+    if !factor_triangle(&mut triangle) {
+        return false;
     }
-    for (k, column) in block.chunks_exact_mut(height).enumerate() {
-        for row in k..COLUMNS {
-            column[first + row] = triangle[row][k];
-        }
+    for (own, column) in triangle.iter().zip(block.chunks_exact_mut(height)) {
+        column[first..first + COLUMNS].copy_from_slice(own);
     }
 
     // The rows below it
@@ -478,6 +459,31 @@ fn factor_block<S: Simd, const COLUMNS: usize>(
     true
 }
 
+/// Cholesky factorisation of a small matrix, column by column, with inverses on the diagonal; false
+/// when a pivot is not a positive finite number.
+#[inline(always)]
+fn factor_triangle<const N: usize>(columns: &mut [[f64; N]; N]) -> bool {
+    for k in 0..N {
+        let pivot = columns[k][k];
+        if !(pivot > 0.0 && pivot.is_finite()) {
+            return false;
+        }
+        // The next pivot waits for this division, but for no root.
+        let inverse = 1.0 / pivot;
+        for column in k + 1..N {
+            for row in column..N {
+                columns[column][row] -= columns[k][row] * columns[k][column] * inverse;
+            }
+        }
+        let scale = inverse.sqrt();
+        columns[k][k] = scale;
+        for value in &mut columns[k][k + 1..] {
+            *value *= scale;
+        }
+    }
+    true
+}
+
 /// Some rows of a block: what the columns before it take, and the solve with its triangle.
 #[inline(always)]
 fn eliminate<S: Simd, const COLUMNS: usize, const VECTORS: usize>(
@@ -495,7 +501,7 @@ fn eliminate<S: Simd, const COLUMNS: usize, const VECTORS: usize>(
         for (v, value) in values.iter_mut().enumerate() {
             let mut sum = simd.sub_f64s(*value, x[k][v]);
             for t in 0..k {
-                sum = simd.negate_mul_add_f64s(triangle[k][t], x[t][v], sum);
+                sum = simd.negate_mul_add_f64s(triangle[t][k], x[t][v], sum);
             }
             x[k][v] = simd.mul_f64s(sum, triangle[k][k]);
             *value = x[k][v];
