@@ -31,7 +31,10 @@ const STATE: usize = 2 * SPACE;
 ///
 /// So in the amplitudes `X`, `V` of the products `u_p(i) u_q(j)` the step is
 /// `X^ = X + (h rho V - (h^2/2) kappa l^2 X) / (rho + (h/2)(alpha + 0.02 kappa l^2) + (h^2/4) kappa l^2)`,
-/// the weight acts on the constant mode, and six small dense products replace the solves.
+/// the weight acts on the constant mode, and small dense products replace the solves.
+///
+/// **Not physics**: `L` takes no account of the free border, which bending therefore pulls inwards,
+/// and `alpha` multiplies area, not mass.
 pub(crate) struct Predictor {
     nodes: [usize; 2],
     /// Nodes along x with the padding.
