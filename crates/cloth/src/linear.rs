@@ -1,4 +1,4 @@
-//! Sparse Cholesky factorisation for matrices whose pattern never changes, and products of dense ones.
+//! Sparse Cholesky factorisation for matrices whose pattern never changes, and dense products.
 //!
 //! The ordering (approximate minimum degree) and the symbolic factorisation are faer's; the numeric
 //! part is a multifrontal factorisation of our own (Liu 1992), because the fronts of a cloth of
