@@ -16,6 +16,8 @@ pub(crate) struct Family {
     row: Vec<u32>,
     node: Vec<u32>,
     gradient: Vec<DVec3>,
+    /// The gradients times `inverse_areas`.
+    weighted: Vec<DVec3>,
     /// The entries at node `n` are `at_node[node_start[n]..node_start[n + 1]]`.
     node_start: Vec<u32>,
     at_node: Vec<u32>,
@@ -24,6 +26,8 @@ pub(crate) struct Family {
     /// `1/m`, reduced at held nodes as told above.
     inverse_areas: Vec<f64>,
     cholesky: Cholesky,
+    /// The values of `S`, by pair of rows, and which of them are on the diagonal.
+    values: Vec<f64>,
     diagonal: Vec<u32>,
     compliance: f64,
     /// Right hand side, then the change of the multipliers.
@@ -33,7 +37,7 @@ pub(crate) struct Family {
 }
 
 struct Product {
-    slot: u32,
+    entry: u32,
     first: u32,
     second: u32,
 }
@@ -85,21 +89,20 @@ impl Family {
         for entries_here in &at_node {
             node_start.push(node_start[node_start.len() - 1] + entries_here.len() as u32);
         }
-        let (cholesky, slots) = Cholesky::analyse(row_count, &pattern)?;
+        let cholesky = Cholesky::analyse(row_count, &pattern)?;
         let products = meetings
             .iter()
             .zip(&which)
             .map(|(&(_, _, first, second), &k)| Product {
-                slot: slots[k],
+                entry: k as u32,
                 first,
                 second,
             })
             .collect();
-        let diagonal = pattern
-            .iter()
-            .zip(&slots)
-            .filter(|((a, b), _)| a == b)
-            .map(|(_, &s)| s)
+        let diagonal = (0..)
+            .zip(&pattern)
+            .filter(|(_, (low, high))| low == high)
+            .map(|(k, _)| k)
             .collect();
         Ok(Self {
             node_start,
@@ -108,8 +111,10 @@ impl Family {
             row: entries.iter().map(|e| e.0).collect(),
             node: entries.iter().map(|e| e.1).collect(),
             gradient: vec![DVec3::ZERO; entries.len()],
+            weighted: vec![DVec3::ZERO; entries.len()],
             products,
             cholesky,
+            values: vec![0.0; pattern.len()],
             diagonal,
             compliance: 0.0,
             change: vec![0.0; row_count],
@@ -139,17 +144,20 @@ impl Family {
             let w = &mut self.inverse_areas[node as usize];
             *w *= c / (*w + c);
         }
-        let values = self.cholesky.values_mut();
-        values.fill(0.0);
+        for ((weighted, &gradient), &node) in
+            self.weighted.iter_mut().zip(&self.gradient).zip(&self.node)
+        {
+            *weighted = gradient * self.inverse_areas[node as usize];
+        }
+        self.values.fill(0.0);
         for product in &self.products {
             let (first, second) = (product.first as usize, product.second as usize);
-            let w = self.inverse_areas[self.node[first] as usize];
-            values[product.slot as usize] += self.gradient[first].dot(self.gradient[second]) * w;
+            self.values[product.entry as usize] += self.gradient[first].dot(self.weighted[second]);
         }
-        for &slot in &self.diagonal {
-            values[slot as usize] += c;
+        for &entry in &self.diagonal {
+            self.values[entry as usize] += c;
         }
-        Ok(self.cholesky.factor()?)
+        Ok(self.cholesky.factor(&self.values)?)
     }
 
     /// One solve: `S d = -C - c lambda`, `lambda += d`, `x += A^-1 G^T d`, the grasp rows included.

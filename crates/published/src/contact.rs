@@ -1,7 +1,5 @@
 //! Self-collision: nodes as balls, averaged projected Jacobi, friction towards the substep's start.
 
-use std::collections::HashSet;
-
 use selvedge_cloth::Mesh;
 use selvedge_math::DVec3;
 
@@ -13,7 +11,7 @@ const NEIGHBOURS: usize = 12;
 const STALE: f64 = 0.035;
 /// Ball diameter per mean edge length, before the thickness factor.
 const EDGES_PER_RADIUS: f64 = 2.05;
-/// Nodes at the two ends of a short edge or diagonal touch at this share of its length.
+/// Nodes at the two ends of a short diagonal touch at this share of its length.
 const SHORT: f64 = 0.976;
 const SWEEP_LIMIT: usize = 50;
 /// Friction is applied in the first passes only.
@@ -22,11 +20,11 @@ const FRICTION_PASSES: usize = 5;
 /// The contact state that outlives a substep.
 #[derive(Clone, Debug)]
 struct Candidates {
-    /// Pairs `(i, j)`, `i < j`, with their contact distance `R` [m].
-    pairs: Vec<([u32; 2], f64)>,
+    pairs: Vec<Pair>,
     /// Reference positions and distances to the origin for the staleness test.
     reference: Vec<DVec3>,
     origin_distance: Vec<f64>,
+    rebuilds: u32,
 }
 
 impl Candidates {
@@ -35,6 +33,45 @@ impl Candidates {
         self.pairs.clone_from(&other.pairs);
         self.reference.copy_from_slice(&other.reference);
         self.origin_distance.copy_from_slice(&other.origin_distance);
+        self.rebuilds = other.rebuilds;
+    }
+}
+
+/// Two nodes that may touch.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    /// `i < j`.
+    nodes: [u32; 2],
+    /// Between the centres of touching balls: `R` [m].
+    distance: f64,
+}
+
+impl Pair {
+    fn between(&self, pass: &Pass<'_>, x: &[DVec3]) -> Between {
+        let [i, j] = self.nodes.map(|node| node as usize);
+        let vector = x[j] - x[i];
+        let crossed = (pass.start[j] - pass.start[i]).dot(vector) < 0.0;
+        Between { vector, crossed }
+    }
+}
+
+/// From the first node of a pair to the second [m].
+struct Between {
+    vector: DVec3,
+    /// A pair stays on the side on which it began the substep: on the other one its length counts
+    /// as negative.
+    crossed: bool,
+}
+
+impl Between {
+    /// Whether the signed length is below a limit [m], without a root.
+    fn below(&self, limit: f64) -> bool {
+        let squared = self.vector.length_squared();
+        if self.crossed {
+            limit > 0.0 || squared > limit * limit
+        } else {
+            limit > 0.0 && squared < limit * limit
+        }
     }
 }
 
@@ -43,20 +80,19 @@ impl Candidates {
 pub(crate) struct Contact {
     /// Ball radius `r` [m].
     radius: f64,
-    /// Pairs that share an edge, never in contact.
-    edges: HashSet<[u32; 2]>,
-    /// Contact distance of quad diagonals where it is below `2 r`.
-    diagonals: Vec<([u32; 2], f64)>,
+    /// By node the later nodes of the same quads: node `i` has
+    /// `close[close_start[i]..close_start[i + 1]]`, each with its contact distance; `None` across
+    /// an edge, whose ends are never in contact.
+    close: Vec<(u32, Option<f64>)>,
+    close_start: Vec<u32>,
     inverse_areas: Vec<f64>,
     candidates: Candidates,
     /// The candidates before the present step, to go back to when it fails.
     before: Candidates,
     take_reference: bool,
     // Scratch of one substep, by pair.
-    start: Vec<DVec3>,
     active: Vec<bool>,
     // Scratch of one pass.
-    gaps: Vec<(f64, DVec3)>,
     touching: Vec<Touch>,
     correction: Vec<DVec3>,
     count: Vec<f64>,
@@ -95,35 +131,45 @@ impl Contact {
         let rest = mesh.rest();
         let length = |a: u32, b: u32| rest[a as usize].distance(rest[b as usize]);
         let radius = thickness_factor * mean_edge(mesh) / EDGES_PER_RADIUS;
-        let diagonals = mesh
-            .quads()
-            .iter()
-            .flat_map(|q| [[q[0], q[2]], [q[1], q[3]]])
-            .map(|[a, b]| ([a.min(b), a.max(b)], SHORT * length(a, b)))
-            .filter(|&(_, distance)| distance < 2.0 * radius)
-            .collect();
         let n = rest.len();
-        let candidates = Candidates {
-            pairs: Vec::new(),
+        let mut close_to = vec![Vec::new(); n];
+        for &[p, q] in mesh.edges() {
+            close_to[p.min(q) as usize].push((p.max(q), None));
+        }
+        for &[a, b, c, d] in mesh.quads() {
+            for [p, q] in [[a, c], [b, d]] {
+                let distance = (2.0 * radius).min(SHORT * length(p, q));
+                close_to[p.min(q) as usize].push((p.max(q), Some(distance)));
+            }
+        }
+        let mut close_start = vec![0];
+        for close in &close_to {
+            close_start.push(close_start[close_start.len() - 1] + close.len() as u32);
+        }
+        let most_pairs = NEIGHBOURS * n;
+        let candidates = || Candidates {
+            pairs: Vec::with_capacity(most_pairs),
             reference: rest.to_vec(),
             origin_distance: vec![1.0; n],
+            rebuilds: 0,
         };
         Self {
             radius,
-            edges: mesh.edges().iter().copied().collect(),
-            diagonals,
+            close: close_to.concat(),
+            close_start,
             inverse_areas: inverse_areas.to_vec(),
-            before: candidates.clone(),
-            candidates,
+            before: candidates(),
+            candidates: candidates(),
             take_reference: false,
-            start: Vec::new(),
-            active: Vec::new(),
-            gaps: Vec::new(),
-            touching: Vec::new(),
+            active: Vec::with_capacity(most_pairs),
+            touching: Vec::with_capacity(most_pairs),
             correction: vec![DVec3::ZERO; n],
             count: vec![0.0; n],
             weights: inverse_areas.to_vec(),
-            search: Search::default(),
+            search: Search {
+                found: Vec::with_capacity(n),
+                ..Search::default()
+            },
         }
     }
 
@@ -133,6 +179,7 @@ impl Contact {
         self.active.clear();
         self.candidates.reference.copy_from_slice(mesh.rest());
         self.candidates.origin_distance.fill(1.0);
+        self.candidates.rebuilds = 0;
     }
 
     /// The number of pairs corrected in the last substep.
@@ -149,6 +196,11 @@ impl Contact {
     pub(crate) fn recall(&mut self) {
         self.candidates.copy_from(&self.before);
         self.take_reference = false;
+    }
+
+    #[cfg(test)]
+    pub(crate) fn rebuild_count(&self) -> u32 {
+        self.candidates.rebuilds
     }
 
     /// Corrects `x` after the stretch solve of a pass.
@@ -184,21 +236,15 @@ impl Contact {
             .iter()
             .zip(&self.candidates.reference)
             .zip(&self.candidates.origin_distance)
-            .any(|((x, y), d)| x.distance(*y) / d > STALE);
+            .any(|((x, y), d)| x.distance_squared(*y) > (STALE * d) * (STALE * d));
         if pass.force_rebuild || moved {
             self.find_candidates(x, pass.held);
             for (d, x) in self.candidates.origin_distance.iter_mut().zip(x) {
                 *d = x.length();
             }
             self.take_reference = true;
+            self.candidates.rebuilds += 1;
         }
-        self.start.clear();
-        self.start.extend(
-            self.candidates
-                .pairs
-                .iter()
-                .map(|&([i, j], _)| pass.start[j as usize] - pass.start[i as usize]),
-        );
         self.active.clear();
         self.active.resize(self.candidates.pairs.len(), false);
     }
@@ -210,37 +256,37 @@ impl Contact {
         self.candidates.pairs.clear();
         self.search.fill(x, reach);
         for i in 0..x.len() as u32 {
+            let i_held = held.binary_search(&i).is_ok();
+            let close =
+                self.close_start[i as usize] as usize..self.close_start[i as usize + 1] as usize;
+            let close = &self.close[close];
             for &(_, j) in self.search.nearest(x, i, reach, NEIGHBOURS) {
-                let both_held = held.binary_search(&i).is_ok() && held.binary_search(&j).is_ok();
-                if i < j && !both_held && !self.edges.contains(&[i, j]) {
-                    let short = self.diagonals.iter().find(|(pair, _)| *pair == [i, j]);
-                    self.candidates
-                        .pairs
-                        .push(([i, j], short.map_or(2.0 * self.radius, |&(_, d)| d)));
+                if j < i || i_held && held.binary_search(&j).is_ok() {
+                    continue;
+                }
+                let distance = match close.iter().find(|(node, _)| *node == j) {
+                    Some(&(_, distance)) => distance,
+                    None => Some(2.0 * self.radius),
+                };
+                if let Some(distance) = distance {
+                    self.candidates.pairs.push(Pair {
+                        nodes: [i, j],
+                        distance,
+                    });
                 }
             }
         }
     }
 
-    /// Measures every candidate; false when none is deeper than the tolerance, in which case
+    /// Finds the pairs to correct; false when none is deeper than the tolerance, in which case
     /// nothing is corrected at all.
     fn find_active(&mut self, pass: &Pass<'_>, x: &[DVec3]) -> bool {
-        let mut deepest = f64::INFINITY;
-        self.gaps.clear();
-        for (&([i, j], distance), start) in self.candidates.pairs.iter().zip(&self.start) {
-            let between = x[j as usize] - x[i as usize];
-            let mut length = between.length();
-            let mut normal = between / length;
-            // A pair stays on the side on which it began the substep.
-            if start.dot(normal) < 0.0 {
-                normal = -normal;
-                length = -length;
-            }
-            let gap = length - distance;
-            deepest = deepest.min(gap / distance);
-            self.gaps.push((gap, normal));
-        }
-        if self.candidates.pairs.is_empty() || deepest >= -pass.tolerance {
+        let pairs = &self.candidates.pairs;
+        let deep = |pair: &Pair| {
+            pair.between(pass, x)
+                .below(pair.distance * (1.0 - pass.tolerance))
+        };
+        if !pairs.iter().any(deep) {
             return false;
         }
         self.weights.copy_from_slice(&self.inverse_areas);
@@ -249,11 +295,15 @@ impl Contact {
         }
         self.touching.clear();
         self.count.fill(0.0);
-        for (k, (&(nodes, distance), &(gap, normal))) in
-            self.candidates.pairs.iter().zip(&self.gaps).enumerate()
-        {
-            self.active[k] |= gap / distance < pass.tolerance;
-            if self.active[k] {
+        for (pair, active) in pairs.iter().zip(&mut self.active) {
+            let between = pair.between(pass, x);
+            *active |= between.below(pair.distance * (1.0 + pass.tolerance));
+            if *active {
+                let &Pair { nodes, distance } = pair;
+                let length = between.vector.length();
+                let sign = if between.crossed { -1.0 } else { 1.0 };
+                let normal = sign * (between.vector / length);
+                let gap = sign * length - distance;
                 let [i, j] = nodes.map(|node| node as usize);
                 self.count[i] += 1.0;
                 self.count[j] += 1.0;
@@ -343,86 +393,90 @@ pub(crate) fn mean_edge(mesh: &Mesh) -> f64 {
 /// Exact nearest neighbours within a reach, by a hashed grid of cells of that size.
 #[derive(Clone, Debug, Default)]
 struct Search {
-    cell: Vec<[i64; 3]>,
-    /// Nodes sorted by bucket; bucket `b` holds `order[bucket_start[b]..bucket_start[b + 1]]`.
+    /// Bucket and cell of each node.
+    places: Vec<(u32, [i64; 3])>,
+    /// Nodes by bucket; bucket `b` holds `sorted[bucket_start[b]..bucket_start[b + 1]]`.
     bucket_start: Vec<u32>,
-    order: Vec<u32>,
+    sorted: Vec<Sorted>,
     found: Vec<(f64, u32)>,
-    visited: Vec<usize>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Sorted {
+    node: u32,
+    cell: [i64; 3],
+    position: DVec3,
+}
+
+/// One of `count` buckets, a power of two.
+fn bucket(cell: [i64; 3], count: usize) -> usize {
+    let mixed = (cell[0].wrapping_mul(73_856_093))
+        ^ (cell[1].wrapping_mul(19_349_663))
+        ^ (cell[2].wrapping_mul(83_492_791));
+    mixed as usize & (count - 1)
 }
 
 impl Search {
-    fn bucket(&self, cell: [i64; 3]) -> usize {
-        let mixed = (cell[0].wrapping_mul(73_856_093))
-            ^ (cell[1].wrapping_mul(19_349_663))
-            ^ (cell[2].wrapping_mul(83_492_791));
-        // The number of buckets is a power of two.
-        mixed as usize & (self.bucket_start.len() - 2)
-    }
-
     fn fill(&mut self, x: &[DVec3], reach: f64) {
-        let buckets = x.len().next_power_of_two();
+        let count = x.len().next_power_of_two();
+        self.places.clear();
+        self.places.extend(x.iter().map(|p| {
+            let cell = (*p / reach).to_array().map(|c| c.floor() as i64);
+            (bucket(cell, count) as u32, cell)
+        }));
+        // Sizes, then ends of the buckets; filling from the back turns the ends into starts.
         self.bucket_start.clear();
-        self.bucket_start.resize(buckets + 1, 0);
-        self.cell.clear();
-        self.cell.extend(
-            x.iter()
-                .map(|p| (*p / reach).to_array().map(|c| c.floor() as i64)),
-        );
-        for k in 0..x.len() {
-            let b = self.bucket(self.cell[k]);
-            self.bucket_start[b + 1] += 1;
+        self.bucket_start.resize(count + 1, 0);
+        for &(bucket, _) in &self.places {
+            self.bucket_start[bucket as usize] += 1;
         }
-        for b in 0..buckets {
-            self.bucket_start[b + 1] += self.bucket_start[b];
+        let mut end = 0;
+        for bucket in &mut self.bucket_start {
+            end += *bucket;
+            *bucket = end;
         }
-        self.order.clear();
-        self.order.resize(x.len(), 0);
-        // Filled from the back, so that the starts end up where they belong.
-        for k in (0..x.len()).rev() {
-            let b = self.bucket(self.cell[k]);
-            let end = &mut self.bucket_start[b + 1];
+        self.sorted.resize(x.len(), Sorted::default());
+        for (node, &(bucket, cell)) in self.places.iter().enumerate().rev() {
+            let end = &mut self.bucket_start[bucket as usize];
             *end -= 1;
-            self.order[*end as usize] = k as u32;
-        }
-        self.bucket_start.rotate_left(1);
-        if let Some(last) = self.bucket_start.last_mut() {
-            *last = x.len() as u32;
+            self.sorted[*end as usize] = Sorted {
+                node: node as u32,
+                cell,
+                position: x[node],
+            };
         }
     }
 
-    /// The nodes nearest to node `i`, at most `limit` of them, those closer than `reach`.
+    /// The nodes nearest to node `i`, at most `limit` of them, those closer than `reach`, with their
+    /// squared distances.
     fn nearest(&mut self, x: &[DVec3], i: u32, reach: f64, limit: usize) -> &[(f64, u32)] {
         let centre = x[i as usize];
-        let [cx, cy, cz] = self.cell[i as usize];
+        let (_, [cx, cy, cz]) = self.places[i as usize];
+        let count = self.bucket_start.len() - 1;
         self.found.clear();
-        self.visited.clear();
-        for dx in -1..=1 {
-            for dy in -1..=1 {
-                for dz in -1..=1 {
-                    let bucket = self.bucket([
-                        cx.wrapping_add(dx),
-                        cy.wrapping_add(dy),
-                        cz.wrapping_add(dz),
-                    ]);
-                    if self.visited.contains(&bucket) {
-                        continue;
-                    }
-                    self.visited.push(bucket);
+        let around = |c: i64| [c.wrapping_sub(1), c, c.wrapping_add(1)];
+        for x in around(cx) {
+            for y in around(cy) {
+                for z in around(cz) {
+                    let cell = [x, y, z];
+                    let bucket = bucket(cell, count);
                     let range =
                         self.bucket_start[bucket] as usize..self.bucket_start[bucket + 1] as usize;
-                    for &j in &self.order[range] {
-                        let distance = centre.distance(x[j as usize]);
-                        if j != i && distance < reach {
-                            self.found.push((distance, j));
+                    for other in &self.sorted[range] {
+                        let squared = centre.distance_squared(other.position);
+                        // Other cells may share the bucket.
+                        if squared < reach * reach && other.cell == cell && other.node != i {
+                            self.found.push((squared, other.node));
                         }
                     }
                 }
             }
         }
-        self.found
-            .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        self.found.truncate(limit);
+        if self.found.len() > limit {
+            let nearer = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+            self.found.select_nth_unstable_by(limit - 1, nearer);
+            self.found.truncate(limit);
+        }
         self.found.sort_unstable_by_key(|&(_, j)| j);
         &self.found
     }
@@ -471,5 +525,146 @@ mod tests {
                 assert_eq!(got, expected);
             }
         }
+    }
+
+    /// Three by three nodes with edges of 1 m, far from each other but for those that a test moves.
+    fn scattered() -> (Contact, Vec<DVec3>) {
+        let mesh = Mesh::grid([3, 3], [2.0, 2.0]).unwrap();
+        let contact = Contact::new(&mesh, &[WEIGHT; 9], 0.95);
+        (
+            contact,
+            (0..9).map(|k| DVec3::Z * 100.0 * f64::from(k)).collect(),
+        )
+    }
+
+    /// Inverse area of every node, and the compliance.
+    const WEIGHT: f64 = 4.0;
+    const COMPLIANCE: f64 = 2.0;
+    /// Contact distance at edges of 1 m.
+    const DIAMETER: f64 = 2.0 * 0.95 / 2.05;
+
+    fn first_pass<'a>(start: &'a [DVec3], held: &'a [u32]) -> Pass<'a> {
+        Pass {
+            number: 0,
+            force_rebuild: true,
+            start,
+            held,
+            compliance: COMPLIANCE,
+            tolerance: 0.0075,
+            friction: 0.0,
+        }
+    }
+
+    #[test]
+    fn two_balls_are_pushed_apart_along_their_line() {
+        let (mut contact, mut x) = scattered();
+        (x[0], x[4]) = (DVec3::ZERO, DVec3::X * 0.5);
+        let start = x.clone();
+        contact.pass(&first_pass(&start, &[]), &mut x);
+        assert_eq!(contact.active_count(), 1);
+        // One pair: exact in the first sweep.
+        let push = WEIGHT * (DIAMETER - 0.5) / (2.0 * WEIGHT + COMPLIANCE);
+        assert!(x[0].distance(DVec3::X * -push) < 1e-15);
+        assert!(x[4].distance(DVec3::X * (0.5 + push)) < 1e-15);
+    }
+
+    #[test]
+    fn a_ball_that_changed_sides_is_pushed_back() {
+        let (mut contact, mut x) = scattered();
+        (x[0], x[4]) = (DVec3::ZERO, DVec3::X * -0.5);
+        let start = x.clone();
+        x[4] = DVec3::X * 0.3;
+        contact.pass(&first_pass(&start, &[]), &mut x);
+        // The gap is -0.3 - R, the normal from node 0 to node 4 still points to -x.
+        let push = WEIGHT * (DIAMETER + 0.3) / (2.0 * WEIGHT + COMPLIANCE);
+        assert!(x[0].distance(DVec3::X * push) < 1e-15);
+        assert!(x[4].distance(DVec3::X * (0.3 - push)) < 1e-15);
+    }
+
+    #[test]
+    fn nothing_is_corrected_until_one_pair_is_deep() {
+        let (mut contact, mut x) = scattered();
+        (x[0], x[4]) = (DVec3::ZERO, DVec3::X * (DIAMETER * 0.993));
+        (x[1], x[5]) = (
+            DVec3::Y * 50.0,
+            DVec3::Y * 50.0 + DVec3::X * (DIAMETER * 1.007),
+        );
+        let start = x.clone();
+        contact.pass(&first_pass(&start, &[]), &mut x);
+        assert_eq!((contact.active_count(), &x), (0, &start));
+        x[4] = DVec3::X * (DIAMETER * 0.99);
+        contact.pass(&first_pass(&start, &[]), &mut x);
+        assert_eq!(contact.active_count(), 2);
+    }
+
+    /// A ball between two held ones has nowhere to go. With no motion a sweep leaves the share
+    /// `q = 1 - c/D`, `D = w + c`, of the residual: `lambda = (1 - q^51) g/c` after 50 sweeps.
+    #[test]
+    fn sweeps_end_at_their_limit() {
+        let (mut contact, mut x) = scattered();
+        (x[0], x[4], x[8]) = (DVec3::X * -0.25, DVec3::ZERO, DVec3::X * 0.25);
+        let start = x.clone();
+        let compliance = 0.01;
+        let pass = Pass {
+            compliance,
+            ..first_pass(&start, &[0, 8])
+        };
+        contact.pass(&pass, &mut x);
+        assert_eq!(x, start);
+        let left: f64 = 1.0 - compliance / (WEIGHT + compliance);
+        let lambda = (1.0 - left.powi(51)) * (DIAMETER - 0.25) / compliance;
+        assert_eq!(contact.active_count(), 2);
+        for touch in &contact.touching {
+            assert!(
+                (touch.lambda / lambda - 1.0).abs() < 1e-12,
+                "{} {lambda}",
+                touch.lambda
+            );
+        }
+    }
+
+    #[test]
+    fn thick_cloth_keeps_short_diagonals() {
+        let mesh = Mesh::grid([2, 2], [1.0, 1.0]).unwrap();
+        // Balls of 1.5/2.05 m would overlap along the diagonal of 1.414 m, those of 0.95/2.05 not.
+        for (thickness, distance) in [(1.5, 0.976 * 2f64.sqrt()), (0.95, DIAMETER)] {
+            let mut contact = Contact::new(&mesh, &[1.0; 4], thickness);
+            contact.find_candidates(mesh.rest(), &[]);
+            let nodes: Vec<[u32; 2]> = contact.candidates.pairs.iter().map(|p| p.nodes).collect();
+            assert_eq!(nodes, [[0, 3], [1, 2]]);
+            assert!(
+                contact
+                    .candidates
+                    .pairs
+                    .iter()
+                    .all(|p| (p.distance - distance).abs() < 1e-15)
+            );
+        }
+    }
+
+    #[test]
+    fn near_the_origin_candidates_are_stale_sooner() {
+        let mesh = Mesh::grid([3, 3], [2.0, 2.0]).unwrap();
+        let mut contact = Contact::new(&mesh, &[WEIGHT; 9], 0.95);
+        let mut x = mesh.rest().to_vec();
+        let start = x.clone();
+        let mut step = |contact: &mut Contact, node: usize, move_: f64| {
+            x[node].x += move_;
+            contact.pass(
+                &Pass {
+                    force_rebuild: false,
+                    ..first_pass(&start, &[])
+                },
+                &mut x,
+            );
+            contact.end_substep(&x);
+            contact.rebuild_count()
+        };
+        // Before the first search the distances count as 1 m.
+        assert_eq!(step(&mut contact, 4, 0.034), 0);
+        assert_eq!(step(&mut contact, 4, 0.002), 1);
+        // Node 4 is now 0.036 m from the origin, node 5 1 m.
+        assert_eq!(step(&mut contact, 5, 0.034), 1);
+        assert_eq!(step(&mut contact, 4, 0.002), 2);
     }
 }

@@ -1,8 +1,10 @@
-//! Lumped areas, Laplacian and bending matrix of a rectangular sheet, per unit density.
+//! Lumped areas of a rectangular sheet, and for the tests its Laplacian and bending matrix, which
+//! the predictor knows by their eigenvectors; all per unit density.
 
 use selvedge_cloth::Grid;
 
 /// A square sparse matrix by rows; the same scalar acts on x, y and z.
+#[cfg(test)]
 #[derive(Clone, Debug)]
 pub(crate) struct Rows {
     pub(crate) start: Vec<u32>,
@@ -10,6 +12,7 @@ pub(crate) struct Rows {
     pub(crate) value: Vec<f64>,
 }
 
+#[cfg(test)]
 impl Rows {
     /// From dense-in-pattern rows: `rows[r]` lists `(column, value)` in any order, repeats summed.
     fn from_lists(rows: Vec<Vec<(u32, f64)>>) -> Self {
@@ -68,6 +71,7 @@ pub(crate) fn lumped_areas(grid: Grid) -> Vec<f64> {
 ///
 /// **Not physics**: the rows of border nodes are not corrected for the free border, so bending a
 /// flat sheet has an energy and pulls on its border.
+#[cfg(test)]
 fn laplacian(grid: Grid) -> Rows {
     let ([na, nb], [dx, dy]) = (grid.nodes, grid.spacing());
     // Corners in the order of the quad: (0,0), (1,0), (1,1), (0,1).
@@ -100,6 +104,7 @@ fn laplacian(grid: Grid) -> Rows {
 }
 
 /// The squared Laplacian `K = L^T A^-1 L` [1/m^2]; the bending energy is `kappa/2 x^T K x`.
+#[cfg(test)]
 pub(crate) fn bending(grid: Grid, areas: &[f64]) -> Rows {
     let laplacian = laplacian(grid);
     let rows = (0..areas.len()).map(|r| {

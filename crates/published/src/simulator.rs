@@ -197,7 +197,7 @@ impl Simulator {
             longest_move: settings.move_limit * mean_edge(mesh),
             face_counts: operators::face_counts(grid),
             substep: 0.0,
-            predictor: Predictor::new(grid, &areas)?,
+            predictor: Predictor::new(grid),
             stretch: Family::new(n, mesh.edges().len(), &stretch_entries)?,
             shear: Family::new(n, n, &shear_entries)?,
             contact: Contact::new(mesh, &inverse_areas, settings.thickness_factor),
@@ -220,23 +220,21 @@ impl Simulator {
     }
 
     /// Builds what depends on the length of the substep `h` [s].
-    fn prepare(&mut self, h: f64) -> Result<(), Error> {
+    fn prepare(&mut self, h: f64) {
         if self.substep != h {
-            self.substep = 0.0;
             self.predictor
-                .prepare(&self.material, self.settings.gravity, h)?;
+                .prepare(&self.material, self.settings.gravity, h);
             self.stretch
                 .set_compliance(self.settings.compliance_stretch / (h * h));
             self.shear
                 .set_compliance(self.settings.compliance_shear / (h * h));
             self.substep = h;
         }
-        Ok(())
     }
 
     fn frame(&mut self, held: Held<'_>, dt: f64) -> Result<StepReport, Error> {
         let substeps = self.settings.substeps as usize;
-        self.prepare(dt / substeps as f64)?;
+        self.prepare(dt / substeps as f64);
         let rebuild = self.state.first || self.state.held != held.nodes;
         self.state.first = false;
         self.state.held.clear();
@@ -455,6 +453,9 @@ impl ClothSimulator for Simulator {
         SimulatorError::check_time_step(dt)?;
         held.check(self.mesh.node_count())?;
         self.before.copy_from(&self.state);
+        // The next step will copy these nodes there, and is not to allocate.
+        let more = held.nodes.len().saturating_sub(self.before.held.len());
+        self.before.held.reserve(more);
         self.contact.remember();
         self.frame(held, dt).map_err(|error| {
             self.state.copy_from(&self.before);
@@ -504,4 +505,43 @@ fn shear_stencil([na, nb]: [usize; 2]) -> Vec<[u32; 4]> {
         }
     }
     stencil
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn simulator(settings: Settings) -> Simulator {
+        let mesh = Mesh::grid([3, 3], [0.2, 0.2]).unwrap();
+        Simulator::new(&mesh, Material::default(), settings).unwrap()
+    }
+
+    /// Edges of 0.1 m and the limit of a tenth of them: 0.01 m.
+    #[test]
+    fn each_target_is_limited_on_its_own_and_not_below_the_floor() {
+        let mut cloth = simulator(Settings::default());
+        // Nodes 4 and 8 lie at the origin and at (0.1, 0.1, 0).
+        let targets = [DVec3::new(3.0, 0.0, -4.0), DVec3::new(0.1, 0.104, 0.0)];
+        let held = Held {
+            nodes: &[4, 8],
+            targets: &targets,
+            velocities: &[DVec3::ZERO; 2],
+        };
+        cloth.set_targets(held, 0.5);
+        assert!(cloth.targets[0].distance(DVec3::new(0.01, 0.0, 0.0)) < 1e-12);
+        assert!(cloth.targets[1].distance(DVec3::new(0.1, 0.102, 0.0)) < 1e-12);
+    }
+
+    #[test]
+    fn passes_end_at_their_limit() {
+        let mut cloth = simulator(Settings {
+            tolerance: 1e-300,
+            ..Settings::default()
+        });
+        let report = cloth.step(Held::NONE, 1.0 / 60.0).unwrap();
+        assert_eq!(report.iterations, 600);
+        assert!(
+            matches!(report.status, Status::IterationLimit { residual, .. } if residual > 1e-300)
+        );
+    }
 }

@@ -5,7 +5,10 @@
 //! with several passes in a substep. Shear matrices are fresh at the start of a frame, so each can
 //! be replayed from its start alone; candidates are searched for anew, which changes nothing.
 
-#![allow(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
+#![allow(
+    clippy::unwrap_used,
+    reason = "a file that cannot be read fails the test"
+)]
 
 use std::collections::HashMap;
 use std::fs::File;
