@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-use selvedge_math::{Command, DMat3, DVec3, Held, Jaw};
+use selvedge_math::{Command, DVec3, Held, Jaw};
 
 use crate::select::{Rules, Support, select};
 use crate::{ClothView, Error, GraspVolume, Squeeze};
@@ -317,10 +317,8 @@ impl Gripper {
         }
 
         // Targets and velocities
-        // `Pose::rotation_matrix` is not inlined into other crates: its call alone takes a quarter of
-        // the step.
         let position = command.pose.position();
-        let rotation = DMat3::from_quat(command.pose.rotation());
+        let rotation = command.pose.rotation_matrix();
         let per_second = 1.0 / dt;
         for ((target, velocity), &local) in self
             .targets
