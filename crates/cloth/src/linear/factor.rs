@@ -1,0 +1,237 @@
+//! The numeric factorisation, front by front.
+
+use super::cholesky::Cholesky;
+use super::simd::{BLOCK, Simd, WithSimd, vectors, vectors_mut};
+
+/// Factors with these values, in the order of the pairs that were analysed.
+pub(super) struct Factor<'a>(pub(super) &'a mut Cholesky, pub(super) &'a [f64]);
+
+impl WithSimd for Factor<'_> {
+    /// Whether all pivots are positive and finite.
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let Self(
+            Cholesky {
+                fronts,
+                entries,
+                additions,
+                panels,
+                waiting,
+                ..
+            },
+            values,
+        ) = self;
+        let [even, odd] = waiting;
+        for front in &*fronts {
+            let (own, childrens) = if front.stack == 0 {
+                (&mut *even, &*odd)
+            } else {
+                (&mut *odd, &*even)
+            };
+            let (height, bottom) = (front.height(), front.bottom());
+            let [first, middle, last] = front.additions;
+
+            let panel = &mut panels[front.panel..][..front.columns * height];
+            panel.fill(0.0);
+            for &[value, place] in &entries[front.first_entry..front.last_entry] {
+                panel[place as usize] = values[value as usize];
+            }
+            add(panel, childrens, &additions[first..middle]);
+            if !factor_panel(simd, panel, front.columns, height) {
+                return false;
+            }
+            let update = &mut own[front.update..][..bottom * bottom];
+            if bottom > 0 {
+                negative_squares(simd, update, bottom, panel, height);
+                add(update, childrens, &additions[middle..last]);
+            }
+        }
+        true
+    }
+}
+
+/// Adds entries of the children's update matrices at their places.
+#[inline(always)]
+fn add(target: &mut [f64], childrens: &[f64], additions: &[[u32; 2]]) {
+    for &[from, to] in additions {
+        target[to as usize] += childrens[from as usize];
+    }
+}
+
+/// Cholesky factorisation of the first rows of a panel and the matching solve of the rest; false
+/// when a pivot is not a positive finite number. The diagonal keeps the inverses, which are all
+/// that is used of it.
+#[inline(always)]
+fn factor_panel<S: Simd>(simd: S, panel: &mut [f64], columns: usize, height: usize) -> bool {
+    for first in (0..columns).step_by(BLOCK) {
+        let good = match columns - first {
+            1 => factor_block::<S, 1>(simd, panel, height, first),
+            2 => factor_block::<S, 2>(simd, panel, height, first),
+            3 => factor_block::<S, 3>(simd, panel, height, first),
+            _ => factor_block::<S, BLOCK>(simd, panel, height, first),
+        };
+        if !good {
+            return false;
+        }
+    }
+    true
+}
+
+/// Eliminates the columns from `first` on, after those before them.
+#[inline(always)]
+fn factor_block<S: Simd, const COLUMNS: usize>(
+    simd: S,
+    panel: &mut [f64],
+    height: usize,
+    first: usize,
+) -> bool {
+    let (done, rest) = panel.split_at_mut(first * height);
+    let block = &mut rest[..COLUMNS * height];
+
+    // The triangle on the diagonal
+    for row in (first..first + BLOCK).step_by(S::F64_LANES) {
+        let products = products::<S, COLUMNS, 1>(simd, done, height, row, first);
+        for (column, [product]) in block.chunks_exact_mut(height).zip(products) {
+            for value in vectors_mut::<S, 1>(column, row) {
+                *value = simd.sub_f64s(*value, product);
+            }
+        }
+    }
+    let mut triangle = [[0.0; COLUMNS]; COLUMNS];
+    for (own, column) in triangle.iter_mut().zip(block.chunks_exact(height)) {
+        own.copy_from_slice(&column[first..first + COLUMNS]);
+    }
+    if !factor_triangle(&mut triangle) {
+        return false;
+    }
+    for (own, column) in triangle.iter().zip(block.chunks_exact_mut(height)) {
+        column[first..first + COLUMNS].copy_from_slice(own);
+    }
+
+    // The rows below it
+    let mut factors = [[simd.splat_f64s(0.0); COLUMNS]; COLUMNS];
+    for (factors, values) in factors.iter_mut().zip(&triangle) {
+        for (factor, &value) in factors.iter_mut().zip(values) {
+            *factor = simd.splat_f64s(value);
+        }
+    }
+    let mut row = first + BLOCK;
+    while row + 2 * S::F64_LANES <= height {
+        eliminate::<S, COLUMNS, 2>(simd, done, block, height, row, first, &factors);
+        row += 2 * S::F64_LANES;
+    }
+    while row < height {
+        eliminate::<S, COLUMNS, 1>(simd, done, block, height, row, first, &factors);
+        row += S::F64_LANES;
+    }
+    true
+}
+
+/// Cholesky factorisation of a small matrix, column by column, with inverses on the diagonal; false
+/// when a pivot is not a positive finite number.
+#[inline(always)]
+fn factor_triangle<const N: usize>(columns: &mut [[f64; N]; N]) -> bool {
+    for k in 0..N {
+        let pivot = columns[k][k];
+        if !(pivot > 0.0 && pivot.is_finite()) {
+            return false;
+        }
+        // The next pivot waits for this division, but for no root.
+        let inverse = 1.0 / pivot;
+        for column in k + 1..N {
+            for row in column..N {
+                columns[column][row] -= columns[k][row] * columns[k][column] * inverse;
+            }
+        }
+        let scale = inverse.sqrt();
+        columns[k][k] = scale;
+        for value in &mut columns[k][k + 1..] {
+            *value *= scale;
+        }
+    }
+    true
+}
+
+/// Some rows of a block: what the columns before it take, and the solve with its triangle.
+#[inline(always)]
+fn eliminate<S: Simd, const COLUMNS: usize, const VECTORS: usize>(
+    simd: S,
+    done: &[f64],
+    block: &mut [f64],
+    height: usize,
+    row: usize,
+    first: usize,
+    triangle: &[[S::f64s; COLUMNS]; COLUMNS],
+) {
+    let mut x = products::<S, COLUMNS, VECTORS>(simd, done, height, row, first);
+    for (k, column) in block.chunks_exact_mut(height).enumerate() {
+        let values = vectors_mut::<S, VECTORS>(column, row);
+        for (v, value) in values.iter_mut().enumerate() {
+            let mut sum = simd.sub_f64s(*value, x[k][v]);
+            for t in 0..k {
+                sum = simd.negate_mul_add_f64s(triangle[t][k], x[t][v], sum);
+            }
+            x[k][v] = simd.mul_f64s(sum, triangle[k][k]);
+            *value = x[k][v];
+        }
+    }
+}
+
+/// `update = -B B^T`, lower triangle in blocks, `B` the last rows of the panel.
+#[inline(always)]
+fn negative_squares<S: Simd>(
+    simd: S,
+    update: &mut [f64],
+    bottom: usize,
+    panel: &[f64],
+    height: usize,
+) {
+    let top = height - bottom;
+    for (block, target) in update.chunks_exact_mut(BLOCK * bottom).enumerate() {
+        let first = block * BLOCK;
+        let mut row = first;
+        while row + 2 * S::F64_LANES <= bottom {
+            let sums = products::<S, BLOCK, 2>(simd, panel, height, top + row, top + first);
+            for (column, sums) in target.chunks_exact_mut(bottom).zip(sums) {
+                for (value, sum) in vectors_mut::<S, 2>(column, row).iter_mut().zip(sums) {
+                    *value = simd.neg_f64s(sum);
+                }
+            }
+            row += 2 * S::F64_LANES;
+        }
+        while row < bottom {
+            let sums = products::<S, BLOCK, 1>(simd, panel, height, top + row, top + first);
+            for (column, sums) in target.chunks_exact_mut(bottom).zip(sums) {
+                for (value, sum) in vectors_mut::<S, 1>(column, row).iter_mut().zip(sums) {
+                    *value = simd.neg_f64s(sum);
+                }
+            }
+            row += S::F64_LANES;
+        }
+    }
+}
+
+/// Sums over the panel's columns: the vectors from `row` on times each of the entries from
+/// `factor` on.
+#[inline(always)]
+fn products<S: Simd, const COLUMNS: usize, const VECTORS: usize>(
+    simd: S,
+    panel: &[f64],
+    height: usize,
+    row: usize,
+    factor: usize,
+) -> [[S::f64s; VECTORS]; COLUMNS] {
+    let mut sums = [[simd.splat_f64s(0.0); VECTORS]; COLUMNS];
+    for column in panel.chunks_exact(height) {
+        let values = vectors::<S, VECTORS>(column, row);
+        for (sums, &factor) in sums.iter_mut().zip(&column[factor..factor + COLUMNS]) {
+            let factor = simd.splat_f64s(factor);
+            for (sum, &value) in sums.iter_mut().zip(values) {
+                *sum = simd.mul_add_f64s(factor, value, *sum);
+            }
+        }
+    }
+    sums
+}

@@ -1,0 +1,150 @@
+//! The two triangular solves, front by front.
+
+use super::cholesky::Cholesky;
+use super::simd::{BLOCK, Simd, WithSimd, vectors, vectors_mut};
+
+/// Solves for the unknowns in place.
+pub(super) struct Solve<'a>(pub(super) &'a mut Cholesky);
+
+impl WithSimd for Solve<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Cholesky {
+            fronts,
+            rows,
+            panels,
+            unknowns: x,
+            local,
+            ..
+        } = self.0;
+        // L y = b
+        for front in &*fronts {
+            let (top, height) = (front.top(), front.height());
+            let panel = &panels[front.panel..][..front.columns * height];
+            let own = &mut x[front.column..][..top];
+            for (k, block) in panel.chunks(BLOCK * height).enumerate() {
+                match block.len() / height {
+                    1 => forward::<S, 1>(simd, block, height, own, k * BLOCK),
+                    2 => forward::<S, 2>(simd, block, height, own, k * BLOCK),
+                    3 => forward::<S, 3>(simd, block, height, own, k * BLOCK),
+                    _ => forward::<S, BLOCK>(simd, block, height, own, k * BLOCK),
+                }
+            }
+            let mut row = top;
+            while row + 4 * S::F64_LANES <= height {
+                combine::<S, 4>(simd, panel, height, row, own, &mut local[row - top..]);
+                row += 4 * S::F64_LANES;
+            }
+            while row < height {
+                combine::<S, 1>(simd, panel, height, row, own, &mut local[row - top..]);
+                row += S::F64_LANES;
+            }
+            for (&value, &row) in local.iter().zip(&rows[front.row..][..front.below]) {
+                x[row as usize] -= value;
+            }
+        }
+        // L^T x = y
+        for front in fronts.iter().rev() {
+            let (top, height) = (front.top(), front.height());
+            let panel = &panels[front.panel..][..front.columns * height];
+            let below = &mut local[..front.bottom()];
+            if let Some(padded) = below.last_chunk_mut::<BLOCK>() {
+                *padded = [0.0; BLOCK];
+            }
+            for (value, &row) in below.iter_mut().zip(&rows[front.row..][..front.below]) {
+                *value = x[row as usize];
+            }
+            let own = &mut x[front.column..][..top];
+            for (k, block) in panel.chunks(BLOCK * height).enumerate().rev() {
+                match block.len() / height {
+                    1 => backward::<S, 1>(simd, block, height, own, below, k * BLOCK),
+                    2 => backward::<S, 2>(simd, block, height, own, below, k * BLOCK),
+                    3 => backward::<S, 3>(simd, block, height, own, below, k * BLOCK),
+                    _ => backward::<S, BLOCK>(simd, block, height, own, below, k * BLOCK),
+                }
+            }
+        }
+    }
+}
+
+/// Solves for the columns of a block, from `first` on, and takes them from the front's later
+/// columns.
+#[inline(always)]
+fn forward<S: Simd, const COLUMNS: usize>(
+    simd: S,
+    block: &[f64],
+    height: usize,
+    own: &mut [f64],
+    first: usize,
+) {
+    let (own, later) = own[first..].split_at_mut(BLOCK);
+    let mut factors = [simd.splat_f64s(0.0); COLUMNS];
+    for (k, column) in block.chunks_exact(height).enumerate() {
+        own[k] *= column[first + k];
+        for row in k + 1..COLUMNS {
+            own[row] -= column[first + row] * own[k];
+        }
+        factors[k] = simd.splat_f64s(own[k]);
+    }
+    for (v, value) in S::as_mut_simd_f64s(later).0.iter_mut().enumerate() {
+        let row = first + BLOCK + v * S::F64_LANES;
+        for (column, factor) in block.chunks_exact(height).zip(factors) {
+            let entries = vectors::<S, 1>(column, row)[0];
+            *value = simd.negate_mul_add_f64s(entries, factor, *value);
+        }
+    }
+}
+
+/// `target` becomes the sum of the panel's columns, some vectors from `row` on, times `factors`.
+#[inline(always)]
+fn combine<S: Simd, const VECTORS: usize>(
+    simd: S,
+    panel: &[f64],
+    height: usize,
+    row: usize,
+    factors: &[f64],
+    target: &mut [f64],
+) {
+    let mut sums = [simd.splat_f64s(0.0); VECTORS];
+    for (column, &factor) in panel.chunks_exact(height).zip(factors) {
+        let factor = simd.splat_f64s(factor);
+        for (sum, &entries) in sums.iter_mut().zip(vectors::<S, VECTORS>(column, row)) {
+            *sum = simd.mul_add_f64s(entries, factor, *sum);
+        }
+    }
+    vectors_mut::<S, VECTORS>(target, 0).copy_from_slice(&sums);
+}
+
+/// Solves for the columns of a block, from `first` on, with the front's later columns and the rows
+/// below known.
+#[inline(always)]
+fn backward<S: Simd, const COLUMNS: usize>(
+    simd: S,
+    block: &[f64],
+    height: usize,
+    own: &mut [f64],
+    below: &[f64],
+    first: usize,
+) {
+    let top = own.len();
+    let (own, later) = own[first..].split_at_mut(BLOCK);
+    let mut sums = [simd.splat_f64s(0.0); COLUMNS];
+    for (known, from) in [(&*later, first + BLOCK), (below, top)] {
+        for (v, &value) in S::as_simd_f64s(known).0.iter().enumerate() {
+            let row = from + v * S::F64_LANES;
+            for (sum, column) in sums.iter_mut().zip(block.chunks_exact(height)) {
+                let entries = vectors::<S, 1>(column, row)[0];
+                *sum = simd.mul_add_f64s(entries, value, *sum);
+            }
+        }
+    }
+    for (k, column) in block.chunks_exact(height).enumerate().rev() {
+        let mut value = own[k] - simd.reduce_sum_f64s(sums[k]);
+        for row in k + 1..COLUMNS {
+            value -= column[first + row] * own[row];
+        }
+        own[k] = value * column[first + k];
+    }
+}
