@@ -47,6 +47,9 @@ enum SolverName {
 /// Set by Ctrl-C; running cases stop after their present step.
 static STOP: AtomicBool = AtomicBool::new(false);
 
+/// A lag of held nodes that is worth a line [m].
+const LAG: f64 = 1e-4;
+
 /// As a shell reports a program that was interrupted.
 const INTERRUPTED: u8 = 130;
 
@@ -57,7 +60,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let default = root.join("fixtures/scenarios/corner_fold.toml");
     let path = arguments.scenario.as_ref().unwrap_or(&default);
     let scenario = Scenario::load(path)?;
-    let expected = Expected::beside(path)?;
+    let expected = Expected::beside(&scenario, path)?;
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or(root.join("target"), PathBuf::from);
     let out = arguments.out.clone();
     let options = Options {
@@ -108,10 +111,28 @@ fn report(
 ) {
     println!("{}", terminal(&result.rows));
     for (row, _) in &result.rows {
+        if let (Ok(_), Some(reason)) = (&row.outcome, row.failure()) {
+            println!("{}: {reason}", row.case);
+        }
         if let Ok(measured) = &row.outcome {
             if measured.unconverged_steps > 0 {
                 let n = measured.unconverged_steps;
                 println!("{}: {n} steps ended at the iteration limit", row.case);
+            }
+            if !measured.refused.is_empty() {
+                let nodes = &measured.refused;
+                println!(
+                    "{}: another gripper held nodes {nodes:?} when one closed",
+                    row.case
+                );
+            }
+            if measured.held_error > LAG {
+                let lag = measured.held_error * 1e3;
+                println!(
+                    "{}: held nodes were up to {lag:.1} mm from their targets (below the table, or \
+                     faster than the solver's move limit)",
+                    row.case
+                );
             }
             if measured.overstretched {
                 println!(

@@ -59,6 +59,19 @@ pub enum Error {
         /// Its distance [m].
         distance: f64,
     },
+    /// The jaws closed on nodes that another gripper holds, and on no other.
+    #[error(
+        "gripper {gripper} closes at t = {time} s on nodes that another gripper holds, and on no \
+         other: {nodes:?}"
+    )]
+    Taken {
+        /// Which gripper, from 1.
+        gripper: usize,
+        /// When [s].
+        time: f64,
+        /// The nodes it was refused.
+        nodes: Vec<u32>,
+    },
     /// The gripper refused a command.
     #[error("the gripper failed at t = {time} s: {reason}")]
     Gripper {

@@ -69,7 +69,8 @@ impl Experiment {
 /// `timings.csv`. Only the last depends on the machine: the others are the same bytes whenever and
 /// with however many jobs they are made.
 ///
-/// A case that fails is a row with its reason; the others go on. `observe` is called from the
+/// What an earlier experiment left under these names is removed first. A case that fails is a row
+/// with its reason; the others go on. `observe` is called from the
 /// running threads and stops the experiment when it breaks.
 ///
 /// # Errors
@@ -84,6 +85,7 @@ pub fn experiment(
     let cases = chosen(scenario, &options.cases)?;
     let folder = options.out.join(options.solver.name());
     files::make_folder(&folder)?;
+    files::remove_old(&options.out, &folder, &cases)?;
 
     let runs: Vec<Mutex<Option<Result<Run, Error>>>> =
         cases.iter().map(|_| Mutex::new(None)).collect();
@@ -129,6 +131,7 @@ fn is_row(error: &Error) -> bool {
     matches!(
         error,
         Error::Empty { .. }
+            | Error::Taken { .. }
             | Error::Gripper { .. }
             | Error::Simulator { .. }
             | Error::Published(_)
@@ -152,8 +155,15 @@ fn chosen<'a>(scenario: &'a Scenario, names: &[String]) -> Result<Vec<&'a Case>,
                 known: known.join(", "),
             });
         };
-        wanted.push(name);
-        wanted.extend(case.reference.as_deref());
+        // With its reference, that one's reference, and so on; circles end where they began.
+        let mut next = Some(case);
+        while let Some(case) = next.filter(|case| !wanted.contains(&case.name.as_str())) {
+            wanted.push(&case.name);
+            next = case
+                .reference
+                .as_deref()
+                .and_then(|name| scenario.case(name));
+        }
     }
     let is_wanted = |case: &&Case| names.is_empty() || wanted.contains(&case.name.as_str());
     Ok(scenario.cases.iter().filter(is_wanted).collect())
@@ -175,11 +185,11 @@ fn run_case(
     {
         return Err(Error::Stopped);
     }
-    files::write_commands(folder, scenario, case)?;
     let step = |step| observe(Event::Step { case: name, step });
     let result = run(scenario, case, options.solver, step);
     if let Ok(run) = &result {
         run.recording.write(folder.join(format!("{name}.npz")))?;
+        files::write_commands(folder, scenario, case)?;
     }
     let failure = result.as_ref().err().map(Error::to_string);
     let told = observe(Event::Finished {
@@ -219,6 +229,7 @@ fn compare(
                 strain: [run.strain_max, run.strain_rms],
                 height: run.height,
                 held_error: run.held_error,
+                refused: run.refused.clone(),
                 unconverged_steps: run.unconverged_steps,
                 overstretched: run.overstretch.is_some(),
             }

@@ -1,7 +1,7 @@
 //! The files of an experiment.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use selvedge_trajectory::log::{Log, Sample, write};
 use selvedge_view::{Chart, write_whole};
@@ -22,14 +22,49 @@ pub(crate) fn make_folder(folder: &Path) -> Result<(), Error> {
         .map_err(failed)
 }
 
-/// The command log of each gripper: `CASE.commands.csv`, or `CASE.gripperN.commands.csv` of several.
+/// Removes what an earlier run left, so that no file of it stands beside files of this one.
+pub(crate) fn remove_old(out: &Path, folder: &Path, cases: &[&Case]) -> Result<(), Error> {
+    let tables = [
+        "table.csv",
+        "table.md",
+        "timings.csv",
+        "curves.csv",
+        "curves.svg",
+    ];
+    let mut old: Vec<PathBuf> = tables.iter().map(|name| out.join(name)).collect();
+    for case in cases {
+        old.push(folder.join(format!("{}.npz", case.name)));
+        old.extend((0..case.grippers.len()).map(|number| commands_path(folder, case, number)));
+    }
+    for path in old {
+        match std::fs::remove_file(&path) {
+            Err(reason) if reason.kind() != std::io::ErrorKind::NotFound => {
+                return Err(Error::File { path, reason });
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// `CASE.commands.csv`, or `CASE.gripperN.commands.csv` of several.
+fn commands_path(folder: &Path, case: &Case, number: usize) -> PathBuf {
+    let gripper = match case.grippers.len() {
+        1 => String::new(),
+        _ => format!(".gripper{}", number + 1),
+    };
+    folder.join(format!("{}{gripper}.commands.csv", case.name))
+}
+
+/// The command log of each gripper.
 pub(crate) fn write_commands(folder: &Path, scenario: &Scenario, case: &Case) -> Result<(), Error> {
     for (number, plan) in case.grippers.iter().enumerate() {
-        let gripper = match case.grippers.len() {
-            1 => String::new(),
-            _ => format!(".gripper{}", number + 1),
-        };
-        let mut log = Log::new(format!("{} {}{gripper}", scenario.name, case.name));
+        let mut log = Log::new(format!(
+            "{} {} gripper {}",
+            scenario.name,
+            case.name,
+            number + 1
+        ));
         log.tip_offset = plan.tip_offset;
         log.samples = (0..scenario.steps)
             .map(|step| scenario.time(step))
@@ -38,8 +73,9 @@ pub(crate) fn write_commands(folder: &Path, scenario: &Scenario, case: &Case) ->
                 command: plan.schedule.command(time),
             })
             .collect();
-        let path = folder.join(format!("{}{gripper}.commands.csv", case.name));
-        write_whole(path, |writer| Ok(write(writer, &log)?))?;
+        write_whole(commands_path(folder, case, number), |writer| {
+            Ok(write(writer, &log)?)
+        })?;
     }
     Ok(())
 }

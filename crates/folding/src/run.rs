@@ -33,6 +33,8 @@ pub struct Run {
     pub height: [f64; 2],
     /// Largest distance between a held node and its target at the end of any step [m].
     pub held_error: f64,
+    /// Nodes that a gripper closed on while another one held them, ascending.
+    pub refused: Vec<u32>,
     /// Steps in which a solve ended at its iteration limit.
     pub unconverged_steps: usize,
     /// The first two held nodes that were commanded further apart than the cloth is long, if any.
@@ -103,6 +105,7 @@ pub fn run(
         strain_rms: 0.0,
         height: [0.0, 0.0],
         held_error: 0.0,
+        refused: Vec::new(),
         unconverged_steps: 0,
         overstretch: None,
         timing: Timing::default(),
@@ -145,12 +148,24 @@ pub fn run(
             .step(held, scenario.frame)
             .map_err(|reason| Error::Simulator { time, reason })?;
         spent += before.elapsed();
+        for (&node, target) in held.nodes.iter().zip(held.targets) {
+            let lag = cloth.positions()[node as usize].distance(*target);
+            result.held_error = result.held_error.max(lag);
+        }
 
         // What happened
         holder.fill(0);
         states.clear();
         for (number, (gripper, command)) in grippers.grippers().iter().zip(&commands).enumerate() {
             match gripper.event() {
+                Event::Empty if !gripper.refused().is_empty() => {
+                    let nodes = gripper.refused().to_vec();
+                    return Err(Error::Taken {
+                        gripper: number + 1,
+                        time,
+                        nodes,
+                    });
+                }
                 Event::Empty => {
                     return Err(nothing_grasped(
                         scenario,
@@ -163,6 +178,7 @@ pub fn run(
                 Event::Captured => {
                     let nodes = gripper.nodes().iter().copied();
                     support[number] = nodes.zip(gripper.rules().iter().copied()).collect();
+                    result.refused.extend(gripper.refused());
                 }
                 _ => {}
             }
@@ -188,13 +204,14 @@ pub fn run(
             result.height[0] = result.height[0].min(position.z);
             result.height[1] = result.height[1].max(position.z);
         }
-        result.held_error = result.held_error.max(report.held_error);
         result.unconverged_steps += usize::from(report.status != Status::Converged);
         if observe(step).is_break() {
             return Err(Error::Stopped);
         }
     }
     result.support = support;
+    result.refused.sort_unstable();
+    result.refused.dedup();
     result.timing = time_gripper(scenario, case, &result.recording)?;
     let steps = scenario.steps as u32;
     result.timing.solver_step = spent / steps;
@@ -320,12 +337,9 @@ fn time_gripper(scenario: &Scenario, case: &Case, recording: &Recording) -> Resu
                     jaws.into_iter()
                         .all(|jaw| jaw.jaw(scenario.time(*step)).is_closed())
                 };
-                let last = (first..scenario.steps)
-                    .take_while(closed)
-                    .last()
-                    .unwrap_or(first);
+                let end = first + (first..scenario.steps).take_while(closed).count();
                 let before = Instant::now();
-                while step <= last && step < scenario.steps {
+                while step < end {
                     commands.clear();
                     commands.extend(commands_at(case, scenario.time(step)));
                     let held = grippers.step(&commands, scenario.frame, cloth);

@@ -7,6 +7,7 @@ use selvedge_grasp::{GraspVolume, Gripper, Shape, Squeeze};
 use selvedge_math::{DQuat, DVec3, Pose};
 use selvedge_published::Settings;
 use selvedge_trajectory::{FoldTimes, Law, Orientation, QuadBezier, Schedule, Sweep};
+use selvedge_view::MAX_BYTES;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -25,6 +26,8 @@ pub struct Scenario {
     pub published: Settings,
     /// Period of the commands [s].
     pub frame: f64,
+    /// When the jaws close, the grippers move, the jaws open, and all ends [s].
+    pub times: FoldTimes,
     /// Number of steps: one for each command from `t = 0` to the end, both included.
     pub steps: usize,
     /// The cases, in the order of the file.
@@ -86,14 +89,26 @@ impl Scenario {
 
     /// The time of a step [s], `k` times the period.
     ///
-    /// A whole number of steps a second is kept exactly: 60 steps of 1/60 s are 1 s.
+    /// A step whose time is that of [`Scenario::times`] but for rounding is exactly there: the
+    /// jaws close in step 60 of 1/60 s when `close_s` is 1, in step 11 of 0.03 s when it is 0.33.
     pub fn time(&self, step: usize) -> f64 {
         let rate = (1.0 / self.frame).round();
-        if (1.0 / self.frame - rate).abs() < 1e-9 * rate {
+        let time = if (1.0 / self.frame - rate).abs() < 1e-9 * rate {
             step as f64 / rate
         } else {
             step as f64 * self.frame
-        }
+        };
+        let FoldTimes {
+            close,
+            start,
+            open,
+            end,
+        } = self.times;
+        let near = |border: &f64| (time - border).abs() < ROUNDED * self.frame;
+        [close, start, open, end]
+            .into_iter()
+            .find(near)
+            .unwrap_or(time)
     }
 
     /// The case of that name.
@@ -121,7 +136,7 @@ struct File {
 #[serde(deny_unknown_fields)]
 struct ClothTable {
     sides_m: [f64; 2],
-    nodes: [usize; 2],
+    nodes: [i64; 2],
     density_kg_per_m2: f64,
     gravitational_density_kg_per_m2: f64,
     damping_kg_per_m2_s: f64,
@@ -228,7 +243,7 @@ struct CaseTable {
     volume: Option<VolumeTable>,
     tip_offset_m: Option<[f64; 3]>,
     tip_convention: Option<TipConvention>,
-    start_node: Option<usize>,
+    start_node: Option<i64>,
     start_offset_m: Option<[f64; 3]>,
     start_xyzw: Option<[f64; 4]>,
     end_xyzw: Option<[f64; 4]>,
@@ -243,7 +258,7 @@ struct GripperTable {
     tip_offset_m: [f64; 3],
     #[serde(default)]
     tip_convention: TipConvention,
-    start_node: usize,
+    start_node: i64,
     start_offset_m: [f64; 3],
     start_xyzw: [f64; 4],
     end_xyzw: [f64; 4],
@@ -323,10 +338,24 @@ impl Check<'_> {
     }
 }
 
+/// A time is on a border when it is so near, in steps.
+const ROUNDED: f64 = 1e-6;
 /// Steps of one run.
 const MAX_STEPS: f64 = 1e6;
+/// Grippers of one case; a recording numbers them in a byte.
+const MAX_GRIPPERS: usize = 255;
+/// A side of a volume or a tip offset [m]: larger ones are another unit.
+const MAX_TOOL: f64 = 1.0;
 /// A side of a sheet or a length in a path [m]: larger ones are another unit.
 const MAX_LENGTH: f64 = 100.0;
+
+/// What the arrays of a recording hold, up to a few rows.
+fn recording_bytes(steps: usize, nodes: usize, grippers: usize) -> u64 {
+    let row = 8 + nodes as u64 * (3 * 8 + 1) + grippers as u64 * (9 * 8 + 1);
+    (steps as u64 + 1)
+        .saturating_mul(row)
+        .saturating_add(nodes as u64 * 16)
+}
 
 impl File {
     fn check(self, name: &str, check: &Check<'_>) -> Result<Scenario, Error> {
@@ -356,7 +385,7 @@ impl File {
             {
                 return Err(check.value("case.name", &case.name, "the name of one case only"));
             }
-            cases.push(self.case(case, &mesh, check)?);
+            cases.push(self.case(case, &mesh, steps, check)?);
         }
         Ok(Scenario {
             name: name.to_owned(),
@@ -364,12 +393,19 @@ impl File {
             material,
             published,
             frame: self.time.frame_s,
+            times: self.time.times(),
             steps,
             cases,
         })
     }
 
-    fn case(&self, case: &CaseTable, mesh: &Mesh, check: &Check<'_>) -> Result<Case, Error> {
+    fn case(
+        &self,
+        case: &CaseTable,
+        mesh: &Mesh,
+        steps: usize,
+        check: &Check<'_>,
+    ) -> Result<Case, Error> {
         let name = &case.name;
         let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
         if name.is_empty() || name.len() > 64 || !name.chars().all(plain) {
@@ -386,6 +422,16 @@ impl File {
             ));
         }
         let tables = case.grippers(check)?;
+        if tables.len() > MAX_GRIPPERS {
+            let bound = format!("at most {MAX_GRIPPERS} grippers");
+            return Err(check.value(format!("case {name}: gripper"), tables.len(), bound));
+        }
+        let bytes = recording_bytes(steps, mesh.node_count(), tables.len());
+        if bytes > MAX_BYTES {
+            let steps_and_nodes = format!("{steps} steps of {} nodes", mesh.node_count());
+            let bound = format!("at most {MAX_BYTES} bytes in a recording (these are {bytes})");
+            return Err(check.value(format!("case {name}"), steps_and_nodes, bound));
+        }
         let several = tables.len() > 1;
         let mut grippers = Vec::with_capacity(tables.len());
         for (number, table) in tables.iter().enumerate() {
@@ -399,7 +445,10 @@ impl File {
             name: name.clone(),
             grippers,
             reference: case.reference.clone(),
-            input_hash: self.hash(case),
+            input_hash: self.hash(case).map_err(|error| Error::Syntax {
+                file: check.file.to_owned(),
+                message: format!("case {name}: {error}"),
+            })?,
         })
     }
 
@@ -415,8 +464,11 @@ impl File {
         let offset = check.point(&key("start_offset_m"), table.start_offset_m)?;
         let from = check.rotation(&key("start_xyzw"), table.start_xyzw)?;
         let to = check.rotation(&key("end_xyzw"), table.end_xyzw)?;
-        let Some(&node) = mesh.rest().get(table.start_node) else {
-            let bound = format!("below the node count {}", mesh.node_count());
+        let Some(&node) = usize::try_from(table.start_node)
+            .ok()
+            .and_then(|node| mesh.rest().get(node))
+        else {
+            let bound = format!("from 0 and below the node count {}", mesh.node_count());
             return Err(check.value(key("start_node"), table.start_node, bound));
         };
         let start = node + offset;
@@ -456,6 +508,22 @@ impl File {
                 "volume",
             ),
         };
+        let tool = |name: &str, sizes: &[f64]| match sizes.iter().find(|size| size.abs() > MAX_TOOL)
+        {
+            Some(size) => {
+                let bound = format!("at most {MAX_TOOL} m (lengths are in metres)");
+                Err(check.value(key(name), size, bound))
+            }
+            None => Ok(()),
+        };
+        tool("tip_offset_m", &table.tip_offset_m)?;
+        match table.volume {
+            VolumeTable::Box { size_m } => tool("volume.size_m", &size_m)?,
+            VolumeTable::Pyramid { side_m, height_m } => {
+                tool("volume.side_m", &[side_m])?;
+                tool("volume.height_m", &[height_m])?;
+            }
+        }
         let refused = |error: selvedge_grasp::Error| Error::Syntax {
             file: check.file.to_owned(),
             message: format!("{}: {error}", key(size_key)),
@@ -486,29 +554,16 @@ impl File {
             LawKey::Cubic => Law::Cubic,
             LawKey::Quintic => Law::Quintic,
         };
-        let TimeTable {
-            close_s,
-            move_s,
-            open_s,
-            end_s,
-            ..
-        } = self.time;
-        let times = FoldTimes {
-            close: close_s,
-            start: move_s,
-            open: open_s,
-            end: end_s,
-        };
         Ok(GripperPlan {
             gripper,
             rotation: sweep.angle(),
-            schedule: Schedule::fold(sweep, law, times)?,
+            schedule: Schedule::fold(sweep, law, self.time.times())?,
             tip_offset,
         })
     }
 
     /// Over what the case depends on, in the order of the file, numbers in shortest form.
-    fn hash(&self, case: &CaseTable) -> String {
+    fn hash(&self, case: &CaseTable) -> Result<String, serde_json::Error> {
         let inputs = (
             &self.cloth,
             &self.solver.published,
@@ -517,11 +572,9 @@ impl File {
             &self.squeeze,
             case,
         );
-        let text = serde_json::to_string(&inputs).unwrap_or_default();
-        Sha256::digest(text)
-            .iter()
-            .map(|byte| format!("{byte:02x}"))
-            .collect()
+        let text = serde_json::to_string(&inputs)?;
+        let digest = Sha256::digest(text);
+        Ok(digest.iter().map(|byte| format!("{byte:02x}")).collect())
     }
 }
 
@@ -531,14 +584,13 @@ impl ClothTable {
             check.above("cloth.sides_m", side, 0.0, MAX_LENGTH)?;
         }
         let [na, nb] = self.nodes;
-        let count = na.saturating_mul(nb);
         // Recordings hold every node at every step.
-        const MAX_NODES: usize = 100_000;
-        if na < 2 || nb < 2 || count > MAX_NODES {
+        const MAX_NODES: i64 = 100_000;
+        if na < 2 || nb < 2 || na.saturating_mul(nb) > MAX_NODES {
             let bound = format!("at least 2 each and at most {MAX_NODES} in all");
             return Err(check.value("cloth.nodes", format!("[{na}, {nb}]"), bound));
         }
-        Mesh::grid(self.nodes, self.sides_m).map_err(|error| Error::Syntax {
+        Mesh::grid(self.nodes.map(|n| n as usize), self.sides_m).map_err(|error| Error::Syntax {
             file: check.file.to_owned(),
             message: error.to_string(),
         })
@@ -592,6 +644,15 @@ impl PublishedTable {
 }
 
 impl TimeTable {
+    fn times(&self) -> FoldTimes {
+        FoldTimes {
+            close: self.close_s,
+            start: self.move_s,
+            open: self.open_s,
+            end: self.end_s,
+        }
+    }
+
     fn steps(&self, check: &Check<'_>) -> Result<usize, Error> {
         let Self {
             frame_s,
@@ -623,7 +684,15 @@ impl TimeTable {
             let bound = format!("at most {MAX_STEPS} steps of frame_s");
             return Err(check.value("time.end_s", end_s, bound));
         }
-        Ok((steps + 1e-9).floor() as usize + 1)
+        let first_closed = (close_s / frame_s - ROUNDED).ceil();
+        if first_closed * frame_s > open_s - ROUNDED * frame_s {
+            let bound = format!(
+                "at most one frame_s ({frame_s} s) before open_s ({open_s} s), so that the jaws \
+                 are closed in at least one step"
+            );
+            return Err(check.value("time.close_s", close_s, bound));
+        }
+        Ok((steps + ROUNDED).floor() as usize + 1)
     }
 }
 

@@ -8,7 +8,7 @@ use comfy_table::{CellAlignment, Table, presets};
 use selvedge_grasp::Shape;
 use serde::Deserialize;
 
-use crate::{Case, Error, Timing};
+use crate::{Case, Error, Scenario, Timing};
 
 /// One row: what a case grasped and how far its end is from the ideal fold.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +21,8 @@ pub struct Row {
     pub rotations: Vec<f64>,
     /// The published error, if there is one.
     pub published: Option<f64>,
+    /// The case whose end is the ideal fold; none for the analytic half fold.
+    pub reference: Option<String>,
     /// What came out, or why nothing did.
     pub outcome: Result<Measured, String>,
 }
@@ -40,6 +42,8 @@ pub struct Measured {
     pub height: [f64; 2],
     /// Largest distance between a held node and its target.
     pub held_error: f64,
+    /// Nodes that a gripper closed on while another one held them, ascending.
+    pub refused: Vec<u32>,
     /// Steps in which a solve ended at its iteration limit.
     pub unconverged_steps: usize,
     /// Whether held nodes were commanded further apart than the cloth is long.
@@ -57,25 +61,48 @@ pub struct Expected {
 }
 
 impl Expected {
-    /// The errors published for a scenario: `../expected/NAME.toml` seen from `NAME.toml`, or none
-    /// if there is no such file.
+    /// The errors published for the scenario in the file `path`: `../expected/NAME.toml` seen from
+    /// `NAME.toml`, or none if there is no such file.
     ///
     /// # Errors
-    /// [`Error::File`] or [`Error::Syntax`] when the file is there and cannot be used.
-    pub fn beside(scenario: impl AsRef<Path>) -> Result<Self, Error> {
-        let scenario = scenario.as_ref();
-        let (Some(folder), Some(name)) = (scenario.parent(), scenario.file_name()) else {
+    /// [`Error::File`], [`Error::Syntax`] or [`Error::Value`] when the file is there and cannot be
+    /// used.
+    pub fn beside(scenario: &Scenario, path: impl AsRef<Path>) -> Result<Self, Error> {
+        let path = path.as_ref();
+        let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else {
             return Ok(Self::default());
         };
         let path = folder.join("../expected").join(name);
-        match std::fs::read_to_string(&path) {
-            Ok(text) => toml::from_str(&text).map_err(|error| Error::Syntax {
-                file: path.display().to_string(),
-                message: error.to_string(),
-            }),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Self::default()),
-            Err(reason) => Err(Error::File { path, reason }),
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return Ok(Self::default());
+            }
+            Err(reason) => return Err(Error::File { path, reason }),
+        };
+        let file = path.display().to_string();
+        let expected: Self = toml::from_str(&text).map_err(|error| Error::Syntax {
+            file: file.clone(),
+            message: error.to_string(),
+        })?;
+        for (case, &error) in &expected.error {
+            let refuse = |value: String, bound: &str| Error::Value {
+                file: file.clone(),
+                key: format!("error.{case}"),
+                value,
+                bound: bound.to_owned(),
+            };
+            if scenario.case(case).is_none() {
+                return Err(refuse(
+                    error.to_string(),
+                    "the error of a case of the scenario",
+                ));
+            }
+            if !(error >= 0.0 && error.is_finite()) {
+                return Err(refuse(error.to_string(), "at least 0 and finite"));
+            }
         }
+        Ok(expected)
     }
 }
 
@@ -89,8 +116,21 @@ impl Row {
                 .map(|plan| plan.gripper.volume().shape())
                 .collect(),
             rotations: case.grippers.iter().map(|plan| plan.rotation).collect(),
+            reference: case.reference.clone(),
             published: expected.error.get(&case.name).copied(),
             outcome,
+        }
+    }
+
+    /// Why the row has no error: the case failed, or its reference did.
+    pub fn failure(&self) -> Option<String> {
+        match &self.outcome {
+            Err(reason) => Some(reason.clone()),
+            Ok(Measured { error: None, .. }) => {
+                let name = self.reference.as_deref().unwrap_or_default();
+                Some(format!("its reference {name} failed"))
+            }
+            Ok(_) => None,
         }
     }
 
@@ -141,6 +181,7 @@ pub(crate) fn write_csv(rows: &[Row], writer: impl Write) -> Result<(), csv::Err
         "z_min_m",
         "z_max_m",
         "held_error_m",
+        "refused",
         "unconverged_steps",
         "overstretched",
         "failure",
@@ -151,13 +192,7 @@ pub(crate) fn write_csv(rows: &[Row], writer: impl Write) -> Result<(), csv::Err
         let field = |f: &dyn Fn(&Measured) -> String| measured.map(f).unwrap_or_default();
         csv.write_record([
             row.case.clone(),
-            field(&|m| {
-                m.support
-                    .iter()
-                    .map(u32::to_string)
-                    .collect::<Vec<_>>()
-                    .join(" ")
-            }),
+            field(&|m| node_text(&m.support)),
             row.volume(),
             row.orientation(),
             number(row.published),
@@ -169,9 +204,10 @@ pub(crate) fn write_csv(rows: &[Row], writer: impl Write) -> Result<(), csv::Err
             field(&|m| m.height[0].to_string()),
             field(&|m| m.height[1].to_string()),
             field(&|m| m.held_error.to_string()),
+            field(&|m| node_text(&m.refused)),
             field(&|m| m.unconverged_steps.to_string()),
             field(&|m| m.overstretched.to_string()),
-            row.outcome.as_ref().err().cloned().unwrap_or_default(),
+            row.failure().unwrap_or_default(),
         ])?;
     }
     csv.flush()?;
@@ -289,6 +325,14 @@ fn cells(row: &Row) -> Vec<String> {
         }
     }
     cells
+}
+
+fn node_text(nodes: &[u32]) -> String {
+    nodes
+        .iter()
+        .map(u32::to_string)
+        .collect::<Vec<_>>()
+        .join(" ")
 }
 
 /// Nodes for a cell: all of a few, the first of many.

@@ -61,7 +61,6 @@ fn files_are_the_same_bytes_with_any_number_of_jobs() {
         [
             "curves.csv",
             "curves.svg",
-            "published/misses.commands.csv",
             "published/one.commands.csv",
             "published/one.npz",
             "published/two.gripper1.commands.csv",
@@ -92,6 +91,86 @@ fn a_case_that_grasps_nothing_is_a_row_with_its_reason() {
     assert!(reason.contains("is 55, 0.0500 m away"), "{reason}");
     let table = std::fs::read_to_string(folder.path().join("table.csv")).unwrap();
     assert!(table.contains("closes on nothing"), "{table}");
+}
+
+/// The small scenario with other text.
+fn run_text(text: &str, out: &Path, cases: &[&str]) -> Result<Experiment, Error> {
+    let scenario = Scenario::parse(text, "small", "small.toml")?;
+    let options = Options {
+        cases: cases.iter().map(|&name| name.to_owned()).collect(),
+        solver: Solver::Published,
+        out: out.to_owned(),
+        jobs: 1,
+    };
+    experiment(&scenario, &Expected::default(), &options, &|_| {
+        ControlFlow::Continue(())
+    })
+}
+
+#[test]
+fn a_case_whose_reference_failed_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = SMALL.replace("reference = \"two\"", "reference = \"misses\"");
+    let result = run_text(&text, folder.path(), &["one"]).unwrap();
+    assert_eq!(
+        result.rows[0].0.failure().unwrap(),
+        "its reference misses failed"
+    );
+    let table = std::fs::read_to_string(folder.path().join("table.csv")).unwrap();
+    assert!(table.contains("its reference misses failed"), "{table}");
+}
+
+#[test]
+fn references_of_references_run_too() {
+    let folder = tempfile::tempdir().unwrap();
+    // one -> two -> misses, and back to one.
+    let text = SMALL
+        .replace("name = \"two\"", "name = \"two\"\nreference = \"misses\"")
+        .replace(
+            "name = \"misses\"",
+            "name = \"misses\"\nreference = \"one\"",
+        );
+    let result = run_text(&text, folder.path(), &["one"]).unwrap();
+    assert_eq!(result.rows.len(), 3);
+}
+
+#[test]
+fn nothing_of_an_earlier_run_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    run_to(folder.path(), &["two"], 1).unwrap();
+    assert!(files(folder.path()).contains_key("published/two.npz"));
+    // The same cases, but the grippers close 5 cm above the sheet.
+    let text = SMALL.replace(
+        "start_offset_m = [0.0, 0.0, 0.01]",
+        "start_offset_m = [0.0, 0.0, 0.06]",
+    );
+    run_text(&text, folder.path(), &["two"]).unwrap();
+    let files = files(folder.path());
+    assert!(
+        files.keys().all(|name| !name.starts_with("published/")),
+        "{:?}",
+        files.keys()
+    );
+}
+
+#[test]
+fn a_gripper_that_comes_too_late_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    // Both grippers at the same corner: a box and a pyramid around node 55.
+    let text = SMALL.replace("start_node = 49", "start_node = 55");
+    let result = run_text(&text, folder.path(), &["two"]).unwrap();
+    let reason = result.rows[0].0.failure().unwrap();
+    assert!(reason.contains("gripper 2 closes at t = 0.1 s on nodes that another gripper holds"));
+}
+
+#[test]
+fn a_lag_behind_the_targets_is_measured_against_what_was_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    // 0.14 m in 0.1 s is faster than the move limit of the published scheme.
+    let text = SMALL.replace("open_s = 0.6", "open_s = 0.3");
+    let result = run_text(&text, folder.path(), &["one"]).unwrap();
+    let lag = result.rows[0].0.outcome.as_ref().unwrap().held_error;
+    assert!(lag > 0.05, "{lag}");
 }
 
 #[test]

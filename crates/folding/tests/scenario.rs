@@ -231,6 +231,31 @@ const KEYS: &[(&str, &str, &[&str])] = &[
 ];
 
 #[test]
+fn jaws_that_are_closed_in_no_step_are_refused() {
+    let times = "close_s = 1.0\nmove_s = 2.0\nopen_s = 5.0";
+    let message = refusal(times, "close_s = 1.001\nmove_s = 1.002\nopen_s = 1.01");
+    for word in ["time.close_s", "1.001", "closed in at least one step"] {
+        assert!(message.contains(word), "{message}");
+    }
+}
+
+#[test]
+fn borders_are_met_with_any_period() {
+    let text = scenario_file("corner_fold.toml")
+        .replace("frame_s = 0.016666666666666666", "frame_s = 0.03")
+        .replace("close_s = 1.0", "close_s = 0.33");
+    let scenario = Scenario::parse(&text, "name", "file").unwrap();
+    // 11 * 0.03 is less than 0.33 by one digit.
+    assert_eq!((scenario.time(10), scenario.time(11)), (10.0 * 0.03, 0.33));
+    let jaw = |step| {
+        scenario.cases[0].grippers[0]
+            .schedule
+            .jaw(scenario.time(step))
+    };
+    assert!(!jaw(10).is_closed() && jaw(11).is_closed());
+}
+
+#[test]
 fn an_unknown_missing_or_mistyped_key_is_named() {
     for (old, new, words) in KEYS {
         let message = refusal(old, new);

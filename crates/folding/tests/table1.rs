@@ -38,7 +38,7 @@ fn published_ends() -> Vec<f64> {
 fn all_eight_cases_agree_with_the_paper() {
     let path = fixture("scenarios/corner_fold.toml");
     let scenario = Scenario::load(&path).unwrap();
-    let expected = Expected::beside(&path).unwrap();
+    let expected = Expected::beside(&scenario, &path).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let options = Options {
         cases: Vec::new(),

@@ -249,7 +249,7 @@ impl Simulator {
         report.held_error = held
             .nodes
             .iter()
-            .zip(&self.targets)
+            .zip(held.targets)
             .map(|(&node, target)| self.state.positions[node as usize].distance(*target))
             .fold(0.0, f64::max);
         Ok(report)

@@ -56,13 +56,16 @@ pub struct Sweep {
     tip: DVec3,
 }
 
+/// Coordinates of a unit quaternion below this are zeros but for rounding.
+const ROUNDED: f64 = 1e-12;
+
 impl Sweep {
     /// A sweep along `path` [m, world] from the orientation `from` to `to`, which are normalised,
     /// with the point `tip` [m, gripper frame] on the path.
     ///
     /// The turn takes the shorter arc, so `q` and `-q` are the same. The two arcs of a half turn
-    /// are equally long: its axis is then the one whose first coordinate that is not zero is
-    /// positive.
+    /// (to 1e-12) are equally long: its axis is then the one whose first coordinate that is not
+    /// zero is positive.
     ///
     /// # Errors
     /// [`Error::Point`] or [`Error::Orientation`] when a coordinate is not finite or a quaternion
@@ -90,8 +93,11 @@ impl Sweep {
         };
         let (from, mut to) = (unit("from", from)?, unit("to", to)?);
         let turn = to * from.conjugate();
-        // Compared in this order, the first number that is not zero decides.
-        if [turn.w, turn.x, turn.y, turn.z] < [0.0; 4] {
+        // Compared in this order, the first number that is not a rounded zero decides.
+        let decisive = [turn.w, turn.x, turn.y, turn.z]
+            .into_iter()
+            .find(|c| c.abs() > ROUNDED);
+        if decisive.is_some_and(|c| c < 0.0) {
             to = -to;
         }
         // `to from*` without its real part; from the difference, so that small turns keep their
@@ -235,7 +241,7 @@ impl Rates {
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, PI};
+    use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, FRAC_PI_3, PI};
 
     use super::*;
 
@@ -289,6 +295,18 @@ mod tests {
                 let middle = sweep.pose(0.5).rotation();
                 assert!((middle - DQuat::from_rotation_y(FRAC_PI_2)).length() < 1e-15);
             }
+        }
+    }
+
+    #[test]
+    fn a_half_turn_does_not_depend_on_last_digits() {
+        // From -90 to +90 degrees about y, with either component the larger by one digit.
+        let (a, b) = (FRAC_1_SQRT_2.next_down(), FRAC_1_SQRT_2);
+        for (x, y) in [(a, b), (b, a)] {
+            let from = DQuat::from_xyzw(0.0, -x, 0.0, y);
+            let to = DQuat::from_xyzw(0.0, y, 0.0, x);
+            let middle = turn(from, to, Orientation::Slerp).pose(0.5).rotation();
+            assert!((middle - DQuat::IDENTITY).length() < 1e-15, "{middle}");
         }
     }
 

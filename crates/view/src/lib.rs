@@ -10,6 +10,7 @@ mod whole;
 
 pub use chart::Chart;
 pub use error::Error;
+pub use npz::MAX_BYTES;
 pub use recording::{GripperState, Recording};
 pub use sheet::{Rest, Sheet};
 pub use whole::write_whole;

@@ -20,7 +20,7 @@ const MAGIC: [u8; 8] = *b"\x93NUMPY\x01\x00";
 const MAX_HEADER: usize = 1024;
 /// All arrays of a file together, unpacked: what a hostile file can make the reader allocate, and
 /// small enough that no entry needs the 64-bit form of zip.
-const MAX_BYTES: u64 = 4_000_000_000;
+pub const MAX_BYTES: u64 = 4_000_000_000;
 
 /// A number that can stand in an array.
 pub(crate) trait Element: Copy {
