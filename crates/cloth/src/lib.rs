@@ -29,3 +29,37 @@ pub enum Error {
     #[error("a matrix could not be factored: {0}")]
     Factorisation(String),
 }
+
+impl Error {
+    /// Checks that a value is above zero.
+    ///
+    /// # Errors
+    /// [`Error::Value`] with the field's name if it is not, or not finite.
+    pub fn check_positive(field: &'static str, value: f64) -> Result<(), Self> {
+        if value > 0.0 && value.is_finite() {
+            Ok(())
+        } else {
+            Err(Self::Value {
+                field,
+                value,
+                bound: "positive and finite",
+            })
+        }
+    }
+
+    /// Checks that a value is not below zero.
+    ///
+    /// # Errors
+    /// [`Error::Value`] with the field's name if it is, or not finite.
+    pub fn check_not_negative(field: &'static str, value: f64) -> Result<(), Self> {
+        if value >= 0.0 && value.is_finite() {
+            Ok(())
+        } else {
+            Err(Self::Value {
+                field,
+                value,
+                bound: "at least 0 and finite",
+            })
+        }
+    }
+}

@@ -48,36 +48,13 @@ impl Material {
     /// # Errors
     /// [`Error::Value`] names the first field outside its bounds.
     pub fn check(&self) -> Result<(), Error> {
-        let positive = [
-            ("density [kg/m^2]", self.density),
-            ("gravitational density [kg/m^2]", self.gravitational_density),
-            ("thickness [m]", self.thickness),
-        ];
-        let not_negative = [
-            ("damping [kg/(m^2 s)]", self.damping),
-            ("bending [N m]", self.bending),
-            ("table friction", self.friction_table),
-            ("cloth friction", self.friction_cloth),
-        ];
-        for (field, value) in positive {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::Value {
-                    field,
-                    value,
-                    bound: "positive and finite",
-                });
-            }
-        }
-        for (field, value) in not_negative {
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(Error::Value {
-                    field,
-                    value,
-                    bound: "at least 0 and finite",
-                });
-            }
-        }
-        Ok(())
+        Error::check_positive("density [kg/m^2]", self.density)?;
+        Error::check_positive("gravitational density [kg/m^2]", self.gravitational_density)?;
+        Error::check_not_negative("damping [kg/(m^2 s)]", self.damping)?;
+        Error::check_not_negative("bending [N m]", self.bending)?;
+        Error::check_not_negative("table friction", self.friction_table)?;
+        Error::check_not_negative("cloth friction", self.friction_cloth)?;
+        Error::check_positive("thickness [m]", self.thickness)
     }
 }
 

@@ -51,18 +51,8 @@ impl Mesh {
         if na < 2 || nb < 2 || na.saturating_mul(nb) > Self::MAX_NODES {
             return Err(Error::GridSize(na, nb));
         }
-        for (field, value) in [
-            ("side along x [m]", sides[0]),
-            ("side along y [m]", sides[1]),
-        ] {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::Value {
-                    field,
-                    value,
-                    bound: "positive and finite",
-                });
-            }
-        }
+        Error::check_positive("side along x [m]", sides[0])?;
+        Error::check_positive("side along y [m]", sides[1])?;
         let grid = Grid { nodes, sides };
         let [dx, dy] = grid.spacing();
         let mut rest = Vec::with_capacity(na * nb);

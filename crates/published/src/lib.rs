@@ -5,6 +5,7 @@ mod constraints;
 mod contact;
 mod operators;
 mod predictor;
+mod search;
 mod simulator;
 mod smooth;
 
@@ -15,17 +16,7 @@ pub use smooth::smoothed;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A setting is outside its bounds.
-    #[error("{field} is {value}, must be {bound}")]
-    Value {
-        /// The setting, with its unit.
-        field: &'static str,
-        /// What was given.
-        value: f64,
-        /// What is allowed.
-        bound: &'static str,
-    },
-    /// The material cannot be used, or a matrix could not be factored.
+    /// A setting or the material cannot be used, or a matrix could not be factored.
     #[error(transparent)]
     Cloth(#[from] selvedge_cloth::Error),
     /// A position became infinite or not a number.

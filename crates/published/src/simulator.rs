@@ -58,42 +58,25 @@ impl Settings {
     /// Checks every field.
     ///
     /// # Errors
-    /// [`Error::Value`] names the first field outside its bounds.
+    /// [`Error::Cloth`] names the first field outside its bounds.
     pub fn check(&self) -> Result<(), Error> {
+        use selvedge_cloth::Error as Cloth;
         if !(1..=10_000).contains(&self.substeps) {
             let value = f64::from(self.substeps);
-            return Err(Error::Value {
+            return Err(Cloth::Value {
                 field: "substeps",
                 value,
                 bound: "from 1 to 10000",
-            });
-        }
-        let positive = [
-            ("tolerance", self.tolerance),
-            ("stretch compliance", self.compliance_stretch),
-            ("shear compliance", self.compliance_shear),
-            ("contact compliance", self.compliance_contact),
-            ("thickness factor", self.thickness_factor),
-            ("move limit", self.move_limit),
-        ];
-        for (field, value) in positive {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::Value {
-                    field,
-                    value,
-                    bound: "positive and finite",
-                });
             }
+            .into());
         }
-        if !(self.gravity >= 0.0 && self.gravity.is_finite()) {
-            let value = self.gravity;
-            return Err(Error::Value {
-                field: "gravity [m/s^2]",
-                value,
-                bound: "at least 0 and finite",
-            });
-        }
-        Ok(())
+        Cloth::check_positive("tolerance", self.tolerance)?;
+        Cloth::check_positive("stretch compliance", self.compliance_stretch)?;
+        Cloth::check_positive("shear compliance", self.compliance_shear)?;
+        Cloth::check_positive("contact compliance", self.compliance_contact)?;
+        Cloth::check_positive("thickness factor", self.thickness_factor)?;
+        Cloth::check_positive("move limit", self.move_limit)?;
+        Ok(Cloth::check_not_negative("gravity [m/s^2]", self.gravity)?)
     }
 }
 

@@ -1,0 +1,168 @@
+//! The scenario file as it is written; every key is described in docs/SCENARIOS.md.
+
+use selvedge_published::Settings;
+use serde::{Deserialize, Serialize};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct File {
+    pub(super) schema: u32,
+    pub(super) cloth: ClothTable,
+    #[serde(default)]
+    pub(super) solver: SolverTable,
+    pub(super) time: TimeTable,
+    pub(super) path: PathTable,
+    pub(super) squeeze: SqueezeTable,
+    pub(super) case: Vec<CaseTable>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ClothTable {
+    pub(super) sides_m: [f64; 2],
+    pub(super) nodes: [i64; 2],
+    pub(super) density_kg_per_m2: f64,
+    pub(super) gravitational_density_kg_per_m2: f64,
+    pub(super) damping_kg_per_m2_s: f64,
+    pub(super) bending_n_m: f64,
+    pub(super) friction_table: f64,
+    pub(super) friction_cloth: f64,
+    pub(super) thickness_m: f64,
+    pub(super) gravity_m_per_s2: f64,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SolverTable {
+    #[serde(default)]
+    pub(super) published: PublishedTable,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct PublishedTable {
+    pub(super) substeps: u32,
+    pub(super) tolerance: f64,
+    pub(super) compliance_stretch: f64,
+    pub(super) compliance_shear: f64,
+    pub(super) compliance_contact: f64,
+    pub(super) thickness_factor: f64,
+    pub(super) move_limit: f64,
+}
+
+impl Default for PublishedTable {
+    fn default() -> Self {
+        let Settings {
+            substeps,
+            tolerance,
+            compliance_stretch,
+            compliance_shear,
+            compliance_contact,
+            thickness_factor,
+            move_limit,
+            gravity: _,
+        } = Settings::default();
+        Self {
+            substeps,
+            tolerance,
+            compliance_stretch,
+            compliance_shear,
+            compliance_contact,
+            thickness_factor,
+            move_limit,
+        }
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TimeTable {
+    pub(super) frame_s: f64,
+    pub(super) close_s: f64,
+    pub(super) move_s: f64,
+    pub(super) open_s: f64,
+    pub(super) end_s: f64,
+    pub(super) law: LawKey,
+}
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum LawKey {
+    Linear,
+    Cubic,
+    Quintic,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PathTable {
+    pub(super) mid_m: [f64; 3],
+    pub(super) end_m: [f64; 3],
+    pub(super) keep_x: bool,
+    pub(super) orientation: OrientationKey,
+}
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum OrientationKey {
+    Slerp,
+    Nlerp,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SqueezeTable {
+    pub(super) amount: f64,
+    pub(super) lift_m: f64,
+    pub(super) steps: u32,
+}
+
+/// A case has either the keys of one gripper or a list of grippers.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CaseTable {
+    pub(super) name: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) reference: Option<String>,
+    pub(super) volume: Option<VolumeTable>,
+    pub(super) tip_offset_m: Option<[f64; 3]>,
+    pub(super) tip_convention: Option<TipConvention>,
+    pub(super) start_node: Option<i64>,
+    pub(super) start_offset_m: Option<[f64; 3]>,
+    pub(super) start_xyzw: Option<[f64; 4]>,
+    pub(super) end_xyzw: Option<[f64; 4]>,
+    #[serde(default)]
+    pub(super) gripper: Vec<GripperTable>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GripperTable {
+    pub(super) volume: VolumeTable,
+    pub(super) tip_offset_m: [f64; 3],
+    #[serde(default)]
+    pub(super) tip_convention: TipConvention,
+    pub(super) start_node: i64,
+    pub(super) start_offset_m: [f64; 3],
+    pub(super) start_xyzw: [f64; 4],
+    pub(super) end_xyzw: [f64; 4],
+    pub(super) mid_m: Option<[f64; 3]>,
+    pub(super) end_m: Option<[f64; 3]>,
+}
+
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(tag = "type", rename_all = "lowercase", deny_unknown_fields)]
+pub(super) enum VolumeTable {
+    Box { size_m: [f64; 3] },
+    Pyramid { side_m: f64, height_m: f64 },
+}
+
+/// How the tip's path becomes that of the gripper frame: `g = p - R c`, or `g = p - c` as in the
+/// published runs.
+#[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum TipConvention {
+    #[default]
+    Rigid,
+    Published,
+}
