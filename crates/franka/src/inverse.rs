@@ -27,6 +27,11 @@ pub(crate) struct Geometry {
     d3: f64,
     d5: f64,
     a7: f64,
+    /// Shoulder to elbow and elbow to wrist [m], and their angles to upper arm and forearm [rad].
+    b1: f64,
+    b2: f64,
+    bend1: f64,
+    bend2: f64,
 }
 
 /// How far a description may be from the Franka's pattern [m and unit quaternions].
@@ -67,6 +72,10 @@ impl Geometry {
             d3,
             d5,
             a7,
+            b1: d3.hypot(a),
+            b2: d5.hypot(a),
+            bend1: a.atan2(d3),
+            bend2: a.atan2(d5),
         })
     }
 }
@@ -186,20 +195,23 @@ impl Arm {
         // The triangle shoulder - elbow - wrist; its angles by half tangents with common factors,
         // which stay consistent when the arm is nearly stretched. Where rounding has made the wrist
         // centre lie just out of reach, the triangle is the stretched (or folded) one.
-        let (b1, b2, l) = (g.d3.hypot(g.a), g.d5.hypot(g.a), v.length());
-        let (bend1, bend2) = (g.a.atan2(g.d3), g.a.atan2(g.d5));
+        let &Geometry { b1, b2, .. } = g;
+        let l = v.length();
         let whole = b1 + b2 + l;
         let rounding = ROUNDED * (whole + link7.position().length());
         let sides = [b1 + b2 - l, l - (b1 - b2), l + (b1 - b2)];
         let least = sides[0].min(sides[1]).min(sides[2]);
         let (vx, vy, vz) = (v.dot(x6), v.dot(y6), v.dot(z6));
-        let in_plane = vx.hypot(vy);
+        let in_plane = (vx * vx + vy * vy).sqrt();
         if least < -rounding || in_plane == 0.0 {
             return;
         }
         let [slack, near, far] = sides.map(|side| side.max(0.0));
         let turn = 2.0 * (slack * whole).sqrt().atan2((near * far).sqrt());
-        let wrist = 2.0 * (slack * far).sqrt().atan2((whole * near).sqrt());
+        // Of the angle at the wrist
+        let (tall, wide) = (slack * far, whole * near);
+        let sin_wrist = 2.0 * (tall * wide).sqrt() / (wide + tall);
+        let cos_wrist = (wide - tall) / (wide + tall);
 
         let mut last_fold = None;
         for side in [1.0, -1.0] {
@@ -211,7 +223,8 @@ impl Arm {
             // along z6 x v, `across`, comes as a difference of squares of which the smaller pair is
             // taken, so that it keeps its digits when v is nearly along z5 or z6.
             let mut turn = side * turn;
-            let (sin, cos) = (bend2 + side * wrist).sin_cos();
+            let sin = (g.a * cos_wrist + side * g.d5 * sin_wrist) / b2;
+            let cos = (g.d5 * cos_wrist - side * g.a * sin_wrist) / b2;
             let (mut along, mut aside) = (l * cos, l * sin);
             let (large, small) = match sin.abs() <= cos.abs() {
                 true => (aside.abs(), vz.abs()),
@@ -229,7 +242,7 @@ impl Arm {
                 // half the digits only.
                 along = in_plane.copysign(along);
                 aside = vz.abs().copysign(aside);
-                let angle = aside.atan2(along) - bend2;
+                let angle = aside.atan2(along) - g.bend2;
                 let (sin, cos) = angle.sin_cos();
                 let sin_shoulder = b2 * sin / b1;
                 let cos_shoulder = (1.0 - sin_shoulder * sin_shoulder)
@@ -253,7 +266,7 @@ impl Arm {
                 || across < POOR * l
                 || in_plane < POOR * l;
             // Of z5 in the plane (x6, y6), and of z4 in the plane (x5, z6), x5 being across z5.
-            let length = in_plane * along.hypot(across);
+            let length = in_plane * (along * along + across * across).sqrt();
             let mut place = |across: f64| {
                 let (sin6, cos6) = (
                     (vx * along + vy * across) / length,
@@ -265,7 +278,7 @@ impl Arm {
                 let (on_x5, on_z6) = if free_elbow {
                     (0.0, 1.0)
                 } else {
-                    let scale = vz.hypot(across).copysign(aside);
+                    let scale = (vz * vz + across * across).sqrt().copysign(aside);
                     (vz / scale, across / scale)
                 };
                 let z4 = on_x5 * x5 + on_z6 * z6;
@@ -274,7 +287,7 @@ impl Arm {
                     elbow: v - g.d5 * z5 + g.a * x4,
                     z4,
                     rest: [
-                        -bend1 - bend2 - turn,
+                        -g.bend1 - g.bend2 - turn,
                         (-on_x5).atan2(on_z6),
                         sin6.atan2(cos6),
                         aim.q7,
@@ -293,9 +306,9 @@ impl Arm {
 
     fn shoulders(&self, g: &Geometry, partial: &Partial, aim: &Aim, solutions: &mut Solutions) {
         let &Partial { elbow, z4, .. } = partial;
-        let u = (g.d3 * elbow + g.a * z4.cross(elbow)) / (g.d3 * g.d3 + g.a * g.a);
+        let u = (g.d3 * elbow + g.a * z4.cross(elbow)) / (g.b1 * g.b1);
         let x3 = u.cross(z4);
-        let r = u.x.hypot(u.y);
+        let r = (u.x * u.x + u.y * u.y).sqrt();
         let free_shoulder = r < FREE_SHOULDER;
         let (q1, (sin1, cos1)) = if free_shoulder {
             (aim.q1, aim.q1.sin_cos())
@@ -362,8 +375,11 @@ struct Partial {
 
 /// The angle in the joint's limits that differs by whole turns, or the one nearest to zero.
 fn wrapped(angle: f64, joint: &Joint) -> f64 {
-    let near = angle - TAU * (angle / TAU).round();
     let in_limits = |candidate: &f64| joint.limits.contain(*candidate);
+    if angle.abs() <= PI && in_limits(&angle) {
+        return angle;
+    }
+    let near = angle - TAU * (angle / TAU).round();
     [near, near + TAU, near - TAU]
         .into_iter()
         .find(in_limits)

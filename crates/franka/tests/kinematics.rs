@@ -177,16 +177,28 @@ impl Tally {
             (0, 0, 0),
             "{region}: {self:?}"
         );
-        assert!(self.worst_residual < 1e-12, "{region}: {self:?}");
+        // A free shoulder spends some of what it may.
+        assert!(self.worst_residual < 3e-11, "{region}: {self:?}");
     }
 }
 
 /// Where the elbow is stretched: shoulder, elbow and wrist in one line.
 const STRETCH: f64 = -0.46700242365301164;
 
-/// Whether a pose determines its configuration to half the digits only, or worse.
+/// What the pose of `q`, rounded, tells of `q` [rad]: all digits but three, half of those that are
+/// left where the elbow is stretched, half of the rest where `q5` is at a quarter turn, and of `q1`
+/// and `q3` less the smaller `q2` is.
+fn known(q: &[f64; 7]) -> f64 {
+    const DIGITS: f64 = 2e-14;
+    let at_fold = |error: f64, distance: f64| error.sqrt().min(error / distance);
+    let elbow = 10.0 * at_fold(DIGITS, (q[3] - STRETCH).abs().min(1.0));
+    let wrist = at_fold(elbow, q[4].cos().abs());
+    (wrist.min(1e-3) / q[1].sin().abs()).min(PI)
+}
+
+/// Whether the pose determines the configuration to less than 1e-7.
 fn near_a_fold(q: &[f64; 7]) -> bool {
-    (q[3] - STRETCH).abs() < 1e-4 || q[4].cos().abs() < 1e-4 || q[1].abs() < 1e-6
+    known(q) > 1e-7
 }
 
 #[test]
@@ -197,7 +209,7 @@ fn a_million_poses_have_no_wrong_and_no_lost_solution() {
         for _ in 0..500_000 {
             let q = random.configuration(&arm);
             if near_a_fold(&q) {
-                near.add(&arm, &q, 1e-3);
+                near.add(&arm, &q, known(&q));
             } else {
                 away.add(&arm, &q, 1e-7);
             }
@@ -218,10 +230,7 @@ fn at_the_stretch_and_beside_it() {
                 for _ in 0..3000 {
                     let mut q = random.configuration(&arm);
                     q[3] = q4;
-                    // The other folds and the shoulder's singularity magnify what is left.
-                    let magnified = q[1].sin().abs().min(q[4].cos().abs());
-                    let tolerance = 1e-7_f64.min(3e-15 / offset) / magnified.min(0.1);
-                    tally.add(&arm, &q, tolerance.max(1e-11));
+                    tally.add(&arm, &q, known(&q));
                 }
                 tally.check(&format!("stretch and {offset:e}"));
             }
@@ -245,13 +254,13 @@ fn at_the_fold_of_the_wrist_and_beside_it() {
                 let mut q = random.configuration(&arm);
                 let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
                 q[4] = sign * (FRAC_PI_2 - offset);
-                tally.add(&arm, &q, 3e-7 / q[1].sin().abs().min(0.1) / stretch(&q));
+                tally.add(&arm, &q, known(&q));
                 q[4] = sign * (FRAC_PI_2 + offset);
-                tally.add(&arm, &q, 3e-7 / q[1].sin().abs().min(0.1) / stretch(&q));
+                tally.add(&arm, &q, known(&q));
                 // Both folds at once
                 q[1] = if k % 3 == 0 { 0.5 } else { -0.9 };
                 q[3] = STRETCH + [0.0, 1e-8, -1e-8, 3e-8, -3e-8, 1e-6, -1e-6][k % 7];
-                both.add(&arm, &q, 5e-3);
+                both.add(&arm, &q, known(&q));
             }
             tally.check(&format!("quarter turn of q5 and {offset:e}"));
             both.check(&format!("both folds and {offset:e}"));
@@ -264,11 +273,6 @@ fn at_the_fold_of_the_wrist_and_beside_it() {
     assert!(answer(&arm, &q).distance < 1e-6);
 }
 
-/// How far the elbow is from its stretch, at most one [rad].
-fn stretch(q: &[f64; 7]) -> f64 {
-    (q[3] - STRETCH).abs().min(1.0)
-}
-
 #[test]
 fn at_the_limits_and_near_the_shoulder_singularity() {
     let mut random = Random(5);
@@ -276,7 +280,7 @@ fn at_the_limits_and_near_the_shoulder_singularity() {
         let (mut shoulder, mut elbow, mut limit, mut corner) = Default::default();
         let tallies: [&mut Tally; 4] = [&mut shoulder, &mut elbow, &mut limit, &mut corner];
         let [shoulder, elbow, limit, corner] = tallies;
-        let tolerance = |q: &[f64; 7]| if near_a_fold(q) { 1e-3 } else { 1e-7 };
+        let tolerance = |q: &[f64; 7]| known(q).max(1e-7);
         for _ in 0..50_000 {
             let mut q = random.configuration(&arm);
             q[1] = random.between(-0.045, 0.045);
@@ -305,11 +309,7 @@ fn at_the_limits_and_near_the_shoulder_singularity() {
             for _ in 0..3000 {
                 let mut q = random.configuration(&arm);
                 q[1] = tiny;
-                // q1 and q3 are known to rounding over q2, but for the class, where q1 is given.
-                let magnified = q[4].cos().abs().min(stretch(&q)).min(0.1);
-                let known = (1e-14 / tiny).max(1e-12) / magnified;
-                let known = if tiny < 1e-11 { PI } else { known };
-                tally.add(&arm, &q, known);
+                tally.add(&arm, &q, known(&q));
             }
             tally.check(&format!("q2 = {tiny:e}"));
         }
@@ -331,15 +331,7 @@ fn at_multiples_of_an_eighth_turn() {
         let mut index = [0; 7];
         loop {
             let q: [f64; 7] = std::array::from_fn(|k| choices[k][index[k]]);
-            // With q2 = 0 and the wrist folded at once q1 and q3 are left to rounding.
-            let folded = q[4].cos().abs() < 1e-9;
-            let tolerance = match (q[1] == 0.0, folded) {
-                (true, true) => PI,
-                (true, false) => 1e-10,
-                (false, true) => 1e-6,
-                (false, false) => 1e-11,
-            };
-            tally.add(&arm, &q, tolerance);
+            tally.add(&arm, &q, known(&q));
             let Some(k) = (0..7).find(|&k| index[k] + 1 < choices[k].len()) else {
                 break;
             };
