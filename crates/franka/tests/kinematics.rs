@@ -112,6 +112,8 @@ struct Answer {
     distance: f64,
     /// Whether that solution is within the limits.
     in_limits: bool,
+    /// Whether any has a free shoulder.
+    free: bool,
 }
 
 fn difference(a: f64, b: f64) -> f64 {
@@ -127,6 +129,7 @@ fn answer(arm: &Arm, q: &[f64; 7]) -> Answer {
         residual: 0.0,
         distance: f64::INFINITY,
         in_limits: false,
+        free: solutions.as_slice().iter().any(|s| s.free_shoulder),
     };
     for solution in solutions.as_slice() {
         let residual = off(&arm.forward(&solution.q), &target);
@@ -154,6 +157,7 @@ struct Tally {
     lost: usize,
     worst_residual: f64,
     worst_distance: f64,
+    free: bool,
 }
 
 impl Tally {
@@ -166,6 +170,12 @@ impl Tally {
         self.lost += usize::from(answer.distance > tolerance);
         self.worst_residual = self.worst_residual.max(answer.residual);
         self.worst_distance = self.worst_distance.max(answer.distance);
+        self.free |= answer.free;
+    }
+
+    /// A free shoulder spends some of what a residual may be, all others are exact.
+    fn bound(&self) -> f64 {
+        if self.free { 3e-11 } else { 1e-12 }
     }
 
     #[track_caller]
@@ -177,8 +187,7 @@ impl Tally {
             (0, 0, 0),
             "{region}: {self:?}"
         );
-        // A free shoulder spends some of what it may.
-        assert!(self.worst_residual < 3e-11, "{region}: {self:?}");
+        assert!(self.worst_residual < self.bound(), "{region}: {self:?}");
     }
 }
 
@@ -193,6 +202,10 @@ fn known(q: &[f64; 7]) -> f64 {
     let at_fold = |error: f64, distance: f64| error.sqrt().min(error / distance);
     let elbow = 10.0 * at_fold(DIGITS, (q[3] - STRETCH).abs().min(1.0));
     let wrist = at_fold(elbow, q[4].cos().abs());
+    if q[1].abs() <= 1e-12 && wrist < 5e-12 {
+        // One of the class, for which q1 is given
+        return 100.0 * wrist;
+    }
     (wrist.min(1e-3) / q[1].sin().abs()).min(PI)
 }
 
@@ -241,6 +254,51 @@ fn at_the_stretch_and_beside_it() {
     let answer = answer(&arm, &q);
     assert!(answer.distance < 1e-7 && answer.in_limits);
     assert!(answer.count >= 4 && answer.residual < 1e-13);
+}
+
+/// What no Franka can do its geometry still can: the folded elbow, joints turned all the way.
+#[test]
+fn out_of_the_limits_nothing_is_wrong_or_lost() {
+    let folded = STRETCH - PI;
+    let mut random = Random(8);
+    let arm = Arm::fr3();
+    let (mut any, mut inner) = (Tally::default(), Tally::default());
+    for k in 0..100_000 {
+        let mut q: [f64; 7] = std::array::from_fn(|_| random.between(-PI, PI));
+        if !near_a_fold(&q) && difference(q[3], folded) > 1e-3 && q[3].abs() > 1e-3 {
+            any.add(&arm, &q, 1e-7);
+        }
+        q[3] = folded + [0.0, 1e-8, -1e-8, 3e-8, -3e-8, 1e-6, -1e-6][k % 7];
+        inner.add(&arm, &q, PI);
+        q[4] = if k % 2 == 0 { FRAC_PI_2 } else { -FRAC_PI_2 };
+        inner.add(&arm, &q, PI);
+    }
+    any.check("any angles");
+    inner.check("folded elbow");
+}
+
+#[test]
+fn just_out_of_reach_is_not_rounding() {
+    let arm = Arm::fr3();
+    let mut random = Random(7);
+    for _ in 0..1000 {
+        let mut q = random.configuration(&arm);
+        q[3] = STRETCH;
+        q[4] = random.between(-1.0, 1.0);
+        let target = arm.forward(&q);
+        let wrist = arm.link_pose(&q, "fr3_link5").unwrap().position();
+        let outward = (wrist - DVec3::new(0.0, 0.0, 0.333)).normalize();
+        let count = |distance: f64| {
+            let target = Pose::from_unit(target.position() + distance * outward, target.rotation());
+            let solutions = arm.inverse(&target, q[6], q[0]).unwrap();
+            for solution in solutions.as_slice() {
+                assert!(off(&arm.forward(&solution.q), &target) < 1e-12);
+            }
+            solutions.as_slice().len()
+        };
+        assert_eq!((count(1e-9), count(1e-13)), (0, 0), "{q:?}");
+        assert_eq!((count(0.0) >= 4, count(-1e-9)), (true, 8), "{q:?}");
+    }
 }
 
 #[test]
