@@ -195,12 +195,12 @@ impl Tally {
 const STRETCH: f64 = -0.46700242365301164;
 
 /// What the pose of `q`, rounded, tells of `q` [rad]: all digits but three, half of those that are
-/// left where the elbow is stretched, half of the rest where `q5` is at a quarter turn, and of `q1`
+/// left where the elbow is stretched or folded, half of the rest where `q5` is at a quarter turn, and of `q1`
 /// and `q3` less the smaller `q2` is.
 fn known(q: &[f64; 7]) -> f64 {
     const DIGITS: f64 = 2e-14;
     let at_fold = |error: f64, distance: f64| error.sqrt().min(error / distance);
-    let elbow = 10.0 * at_fold(DIGITS, (q[3] - STRETCH).abs().min(1.0));
+    let elbow = 10.0 * at_fold(DIGITS, (q[3] - STRETCH).sin().abs());
     let wrist = at_fold(elbow, q[4].cos().abs());
     if q[1].abs() <= 1e-12 && wrist < 5e-12 {
         // One of the class, for which q1 is given
@@ -269,9 +269,9 @@ fn out_of_the_limits_nothing_is_wrong_or_lost() {
             any.add(&arm, &q, 1e-7);
         }
         q[3] = folded + [0.0, 1e-8, -1e-8, 3e-8, -3e-8, 1e-6, -1e-6][k % 7];
-        inner.add(&arm, &q, PI);
+        inner.add(&arm, &q, known(&q));
         q[4] = if k % 2 == 0 { FRAC_PI_2 } else { -FRAC_PI_2 };
-        inner.add(&arm, &q, PI);
+        inner.add(&arm, &q, known(&q));
     }
     any.check("any angles");
     inner.check("folded elbow");
