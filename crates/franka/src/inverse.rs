@@ -78,6 +78,23 @@ impl Geometry {
             bend2: a.atan2(d5),
         })
     }
+
+    /// How far the elbow is turned from its stretch when the triangle has `angle` at the wrist
+    /// [rad], and how much longer than `l` its third side then is [m]. None if there is no such
+    /// triangle.
+    fn turn(&self, angle: f64, l: f64) -> Option<(f64, f64)> {
+        let &Self { b1, b2, .. } = self;
+        let (sin, cos) = angle.sin_cos();
+        let sin_shoulder = b2 * sin / b1;
+        if sin_shoulder.abs() > 1.0 {
+            return None;
+        }
+        let cos_shoulder = (1.0 - sin_shoulder * sin_shoulder)
+            .sqrt()
+            .copysign(l * l + b1 * b1 - b2 * b2);
+        let third = b1 * cos_shoulder + b2 * cos;
+        Some((angle + sin_shoulder.atan2(cos_shoulder), third - l))
+    }
 }
 
 /// One configuration that reaches the pose.
@@ -219,9 +236,10 @@ impl Arm {
             if side < 0.0 && least <= 0.0 {
                 break;
             }
-            // The forearm's axis z5 is at the angle `from_v` from v, and across z6. Its component
-            // along z6 x v, `across`, comes as a difference of squares of which the smaller pair is
-            // taken, so that it keeps its digits when v is nearly along z5 or z6.
+            // The forearm's axis z5 is at a known angle from v, and across z6. Of v, `along` is
+            // along z5, `aside` across it on the elbow's side or against, `across` along z6 x z5.
+            // That one comes from a difference of squares, of which the smaller pair is taken, so
+            // that it keeps its digits when v is nearly along z5 or z6.
             let mut turn = side * turn;
             let sin = (g.a * cos_wrist + side * g.d5 * sin_wrist) / b2;
             let cos = (g.d5 * cos_wrist - side * g.a * sin_wrist) / b2;
@@ -242,20 +260,13 @@ impl Arm {
                 // half the digits only.
                 along = in_plane.copysign(along);
                 aside = vz.abs().copysign(aside);
-                let angle = aside.atan2(along) - g.bend2;
-                let (sin, cos) = angle.sin_cos();
-                let sin_shoulder = b2 * sin / b1;
-                let cos_shoulder = (1.0 - sin_shoulder * sin_shoulder)
-                    .max(0.0)
-                    .sqrt()
-                    .copysign(l * l + b1 * b1 - b2 * b2);
-                let gap = b1 * cos_shoulder + b2 * cos - l;
-                if sin_shoulder.abs() <= 1.0 && gap.abs() <= rounding {
-                    turn = angle + sin_shoulder.atan2(cos_shoulder);
+                let turned = g.turn(aside.atan2(along) - g.bend2, l);
+                if let Some((turned, _)) = turned.filter(|(_, gap)| gap.abs() <= rounding) {
                     if last_fold == Some(aside) {
                         break;
                     }
                     last_fold = Some(aside);
+                    turn = turned;
                 } else if small - large > rounding {
                     continue;
                 }
