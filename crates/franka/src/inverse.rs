@@ -100,7 +100,8 @@ impl Geometry {
 /// One configuration that reaches the pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solution {
-    /// Joint positions [rad], each wrapped into its limits where that is possible.
+    /// Joint positions [rad], each wrapped into its limits where that is possible, and put on a limit
+    /// that it misses by rounding.
     pub q: Joints,
     /// Whether all are within the limits of the joints.
     pub in_limits: bool,
@@ -143,6 +144,8 @@ const ROUNDED: f64 = 32.0 * f64::EPSILON;
 /// So near to a fold or a singular posture [m against m, or sine] a solution is tried out before it
 /// is told.
 const POOR: f64 = 1e-6;
+/// A joint beyond its limit by no more than this is put on it [rad].
+const AT_LIMIT: f64 = 1e-12;
 /// A solution that is tried out must reach the pose as well as this [m and rad].
 const REACHED: f64 = 1e-10;
 
@@ -384,15 +387,18 @@ struct Partial {
     poor: bool,
 }
 
-/// The angle in the joint's limits that differs by whole turns, or the one nearest to zero.
+/// The angle in the joint's limits that differs by whole turns, up to rounding, or the one nearest
+/// to zero.
 fn wrapped(angle: f64, joint: &Joint) -> f64 {
-    let in_limits = |candidate: &f64| joint.limits.contain(*candidate);
-    if angle.abs() <= PI && in_limits(&angle) {
+    let limits = joint.limits;
+    if angle.abs() <= PI && limits.contain(angle) {
         return angle;
     }
     let near = angle - TAU * (angle / TAU).round();
     [near, near + TAU, near - TAU]
         .into_iter()
-        .find(in_limits)
-        .unwrap_or(near)
+        .find(|&candidate| limits.margin(candidate) >= -AT_LIMIT)
+        .map_or(near, |candidate| {
+            candidate.max(limits.lower).min(limits.upper)
+        })
 }
