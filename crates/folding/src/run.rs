@@ -116,12 +116,7 @@ pub fn run(
         commands.extend(commands_at(case, time));
 
         // Gripper
-        let closing = grippers
-            .grippers()
-            .iter()
-            .zip(&commands)
-            .any(|(gripper, command)| !gripper.jaw().is_closed() && command.jaw.is_closed());
-        let anchors = match closing {
+        let anchors = match any_closes(&grippers, &commands) {
             true => solver.anchors(scenario, cloth.positions()),
             false => None,
         };
@@ -239,6 +234,12 @@ fn commands_at(case: &Case, time: f64) -> impl Iterator<Item = Command> {
         .map(move |plan| plan.schedule.command(time))
 }
 
+/// Whether one of the grippers closes with these commands.
+fn any_closes(grippers: &Grippers, commands: &[Command]) -> bool {
+    let mut pairs = grippers.grippers().iter().zip(commands);
+    pairs.any(|(gripper, command)| !gripper.jaw().is_closed() && command.jaw.is_closed())
+}
+
 fn new_recording(scenario: &Scenario, case: &Case, solver: Solver) -> Result<Recording, Error> {
     let grid = scenario.mesh.as_grid();
     let sheet = Sheet {
@@ -314,13 +315,8 @@ fn time_gripper(scenario: &Scenario, case: &Case, recording: &Recording) -> Resu
         while step < scenario.steps {
             commands.clear();
             commands.extend(commands_at(case, scenario.time(step)));
-            let closes = grippers
-                .grippers()
-                .iter()
-                .zip(&commands)
-                .any(|(gripper, command)| !gripper.jaw().is_closed() && command.jaw.is_closed());
             let cloth = view(scenario, recording.positions(step));
-            if closes {
+            if any_closes(&grippers, &commands) {
                 let before = Instant::now();
                 black_box(
                     grippers
