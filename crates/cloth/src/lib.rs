@@ -4,9 +4,11 @@
 pub mod linear;
 mod material;
 mod mesh;
+mod simulator;
 
 pub use material::Material;
 pub use mesh::{Grid, Mesh};
+pub use simulator::{Settings, Simulator};
 
 /// Why a mesh or a material was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -74,6 +74,14 @@ pub struct StepReport {
     pub contacts: u32,
     /// Largest distance between a held node and its target at the end of the step [m].
     pub held_error: f64,
+    /// Largest edge strain `|length/rest - 1|` at the end of any substep, if it was measured.
+    pub strain: Option<f64>,
+    /// Largest sine of the angle that a face is sheared by, at the end of any substep, if it was
+    /// measured.
+    pub shear: Option<f64>,
+    /// Smallest distance between two layers, or a layer and an obstacle, less what it must be, at
+    /// the end of any substep [m]; none when it was not measured or nothing is near.
+    pub gap: Option<f64>,
 }
 
 /// How the solves of a step ended.

@@ -295,6 +295,7 @@ impl ClothTable {
             friction_table: self.friction_table,
             friction_cloth: self.friction_cloth,
             thickness: self.thickness_m,
+            ..Material::default()
         })
     }
 }
