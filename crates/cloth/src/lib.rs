@@ -1,10 +1,17 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+mod bending;
+mod broad;
+mod contact;
+mod distance;
 pub mod linear;
 mod material;
 mod mesh;
+mod nodes;
+mod rows;
 mod simulator;
+mod support;
 
 pub use material::Material;
 pub use mesh::{Grid, Mesh};
@@ -30,6 +37,12 @@ pub enum Error {
     /// A matrix could not be analysed or factored.
     #[error("a matrix could not be factored: {0}")]
     Factorisation(String),
+    /// A position became infinite or not a number.
+    #[error("the cloth diverged")]
+    Diverged,
+    /// More features are near each other than a cloth of this size can have.
+    #[error("the cloth has collapsed: too many of its faces are in one place")]
+    Crowded,
 }
 
 impl Error {

@@ -1,0 +1,380 @@
+//! Cloth on cloth: which features come near, and the forces between them.
+//!
+//! The faces are cut into triangles along one diagonal of each quad. Layers keep a distance of one
+//! thickness, by two kinds of pairs, a node over a triangle and two crossing edges. A pair near
+//! enough becomes a contact with the normal and the weights `w` of its nearest points at the start of
+//! the substep:
+//!
+//! `g = n . sum w x - d >= 0`, `r >= 0`, `g r = 0`; friction `|f| <= mu r`, opposite to the relative
+//! displacement, equal to it while sliding (Coulomb).
+
+use selvedge_math::DVec3;
+
+use crate::Mesh;
+use crate::broad::{Bounds, Cells};
+use crate::distance::{Kind, combine, free_way, weights};
+use crate::nodes::Nodes;
+
+/// A pair is a contact when it may come so near the thickness within a substep [m].
+const MARGIN: f64 = 5e-4;
+/// How fast layers that are too near are moved apart [m/s].
+const RECOVERY: f64 = 0.05;
+/// The distance of a pair may shrink to this share in a substep.
+const LEAST_SHARE: f64 = 0.1;
+/// A node belongs to a triangle when its foot point is at most so far outside, in weights.
+const OUTSIDE: f64 = 0.02;
+/// Edges that are nearly parallel have no common normal; nodes over triangles separate them.
+const CROSSING: f64 = 0.05;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Pair {
+    kind: Kind,
+    nodes: [u32; 4],
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Contact {
+    pair: Pair,
+    weights: [f64; 4],
+    normal: DVec3,
+    /// What `n . sum w x` must be at least [m].
+    distance: f64,
+    /// Normal force [N].
+    force: f64,
+    friction: DVec3,
+    sliding: bool,
+}
+
+/// Pairs and contacts of a cloth with itself.
+#[derive(Debug)]
+pub(crate) struct Contacts {
+    triangles: Vec<[u32; 3]>,
+    /// All edges, diagonals too.
+    edges: Vec<[u32; 2]>,
+    thickness: f64,
+    cell: f64,
+    node_boxes: Vec<Bounds>,
+    boxes: Vec<Bounds>,
+    cells: Cells,
+    pairs: Vec<Pair>,
+    contacts: Vec<Contact>,
+    before: Vec<Contact>,
+    /// More pairs than this are not looked at: the input has collapsed.
+    most_pairs: usize,
+}
+
+/// How the pairs stand after a substep.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Passage {
+    /// Share of the way that is free of collisions.
+    pub(crate) free: f64,
+    /// Smallest distance of two features less the thickness [m], of those that are near.
+    pub(crate) gap: Option<f64>,
+}
+
+impl Contacts {
+    pub(crate) fn new(mesh: &Mesh, thickness: f64) -> Self {
+        let mut triangles = Vec::new();
+        let mut edges = mesh.edges().to_vec();
+        for &[a, b, c, d] in mesh.quads() {
+            triangles.extend([[a, b, c], [a, c, d]]);
+            edges.push([a.min(c), a.max(c)]);
+        }
+        edges.sort_unstable();
+        let rest = mesh.rest();
+        let length = |e: &[u32; 2]| rest[e[0] as usize].distance(rest[e[1] as usize]);
+        let mean = mesh.edges().iter().map(length).sum::<f64>() / mesh.edges().len() as f64;
+        let shortest = mesh
+            .edges()
+            .iter()
+            .map(length)
+            .fold(f64::INFINITY, f64::min);
+        let nothing = Bounds {
+            low: DVec3::ZERO,
+            high: DVec3::ZERO,
+        };
+        Self {
+            // Neighbours that share no node are at least one edge apart.
+            thickness: thickness.min(0.5 * shortest),
+            cell: 1.2 * mean,
+            node_boxes: vec![nothing; mesh.node_count()],
+            boxes: Vec::with_capacity(edges.len()),
+            cells: Cells::default(),
+            pairs: Vec::new(),
+            contacts: Vec::new(),
+            before: Vec::new(),
+            most_pairs: 200 * mesh.node_count() + 10_000,
+            triangles,
+            edges,
+        }
+    }
+
+    pub(crate) fn active_count(&self) -> usize {
+        self.contacts.iter().filter(|c| c.force > 0.0).count()
+    }
+
+    /// Goes back to the contacts before the last [`begin`](Self::begin).
+    pub(crate) fn restore(&mut self) {
+        std::mem::swap(&mut self.contacts, &mut self.before);
+    }
+
+    /// Forgets all contacts.
+    pub(crate) fn clear(&mut self) {
+        self.contacts.clear();
+    }
+
+    /// Finds the pairs that may come near on the way from `x` to `guess`; false when there are too
+    /// many to be looked at.
+    pub(crate) fn find(&mut self, x: &[DVec3], guess: &[DVec3]) -> bool {
+        let reach = 0.5 * self.thickness + MARGIN;
+        for ((b, x), g) in self.node_boxes.iter_mut().zip(x).zip(guess) {
+            let slack = reach + 0.25 * x.distance(*g);
+            b.low = x.min(*g) - slack;
+            b.high = x.max(*g) + slack;
+        }
+        self.pairs.clear();
+        let (pairs, node_boxes) = (&mut self.pairs, &self.node_boxes);
+        let join = |nodes: &[u32]| {
+            let first = node_boxes[nodes[0] as usize];
+            nodes[1..]
+                .iter()
+                .fold(first, |all, &k| all.join(&node_boxes[k as usize]))
+        };
+        self.boxes.clear();
+        self.boxes.extend(self.triangles.iter().map(|t| join(t)));
+        self.cells.fill(&self.boxes, self.cell);
+        for (node, b) in node_boxes.iter().enumerate() {
+            let node = node as u32;
+            self.cells.overlaps(b, &self.boxes, |k| {
+                let [a, b, c] = self.triangles[k as usize];
+                if node != a && node != b && node != c && pairs.len() < self.most_pairs {
+                    pairs.push(Pair {
+                        kind: Kind::NodeTriangle,
+                        nodes: [node, a, b, c],
+                    });
+                }
+            });
+        }
+        self.boxes.clear();
+        self.boxes.extend(self.edges.iter().map(|e| join(e)));
+        self.cells.fill(&self.boxes, self.cell);
+        for (k, b) in self.boxes.iter().enumerate() {
+            let [p, q] = self.edges[k];
+            self.cells.overlaps(b, &self.boxes, |other| {
+                let [r, s] = self.edges[other as usize];
+                let apart = p != r && p != s && q != r && q != s;
+                if k < other as usize && apart && pairs.len() < self.most_pairs {
+                    pairs.push(Pair {
+                        kind: Kind::EdgeEdge,
+                        nodes: [p, q, r, s],
+                    });
+                }
+            });
+        }
+        self.pairs.len() < self.most_pairs
+    }
+
+    /// Makes contacts of the pairs that may touch in a substep of `h` [s]; those that were contacts
+    /// before keep their forces.
+    pub(crate) fn begin(&mut self, x: &[DVec3], guess: &[DVec3], h: f64) {
+        std::mem::swap(&mut self.contacts, &mut self.before);
+        self.contacts.clear();
+        for pair in &self.pairs {
+            let at = pair.nodes.map(|k| x[k as usize]);
+            let Some((weights, normal, distance)) = touch(pair.kind, &at) else {
+                continue;
+            };
+            let way = pair.nodes.map(|k| guess[k as usize] - x[k as usize]);
+            let approach = normal.dot(combine(&weights, &way));
+            if distance.min(distance + approach) > self.thickness + MARGIN {
+                continue;
+            }
+            self.contacts.push(Contact {
+                pair: *pair,
+                weights,
+                normal,
+                distance: self.thickness.min(distance + RECOVERY * h),
+                force: 0.0,
+                friction: DVec3::ZERO,
+                sliding: false,
+            });
+        }
+        self.contacts.sort_unstable_by_key(|c| c.pair);
+        let mut old = self.before.iter().peekable();
+        for contact in &mut self.contacts {
+            while old.next_if(|c| c.pair < contact.pair).is_some() {}
+            if let Some(same) = old.next_if(|c| c.pair == contact.pair) {
+                contact.force = same.force;
+                contact.friction =
+                    same.friction - contact.normal * contact.normal.dot(same.friction);
+                contact.sliding = same.sliding;
+            }
+        }
+    }
+
+    /// Adds the forces of the contacts [N].
+    pub(crate) fn add_forces(&self, forces: &mut [DVec3]) {
+        for c in self.contacts.iter().filter(|c| c.force > 0.0) {
+            let force = c.normal * c.force + c.friction;
+            for (&node, &weight) in c.pair.nodes.iter().zip(&c.weights) {
+                forces[node as usize] += force * weight;
+            }
+        }
+    }
+
+    /// One sweep over the contacts at the positions `x`, displaced from `start`; the largest distance
+    /// that a contact lacked [m].
+    pub(crate) fn sweep(
+        &mut self,
+        x: &mut [DVec3],
+        start: &[DVec3],
+        nodes: &mut Nodes,
+        friction: f64,
+    ) -> f64 {
+        let mut lack = 0.0_f64;
+        for c in &mut self.contacts {
+            let ids = c.pair.nodes.map(|k| k as usize);
+            let mut mobility = [0.0; 2];
+            for (&k, w) in ids.iter().zip(c.weights) {
+                let along = c.normal.dot(nodes.respond(k, c.normal));
+                mobility[0] += w * w * along;
+                mobility[1] += w * w * nodes.mobility(k);
+            }
+            let between = combine(&c.weights, &ids.map(|k| x[k]));
+            let gap = c.normal.dot(between) - c.distance;
+            if mobility[0] <= 0.0 {
+                continue;
+            }
+            lack = lack.max(-gap);
+            let force = (c.force - gap / mobility[0]).max(0.0);
+            if force == 0.0 && c.force == 0.0 {
+                continue;
+            }
+            let mut change = c.normal * (force - c.force);
+            c.force = force;
+
+            // Friction against the relative displacement over the substep
+            let bound = friction * force;
+            let mut wanted = DVec3::ZERO;
+            if bound > 0.0 && mobility[1] > 0.0 {
+                let slip = between - combine(&c.weights, &ids.map(|k| start[k]));
+                let slip = slip - c.normal * c.normal.dot(slip);
+                wanted = c.friction - slip / mobility[1];
+                let size = wanted.length();
+                c.sliding = size > bound;
+                if c.sliding {
+                    wanted *= bound / size;
+                }
+            }
+            change += wanted - c.friction;
+            c.friction = wanted;
+            for (&k, w) in ids.iter().zip(c.weights) {
+                nodes.push(k, change * w, &mut x[k]);
+            }
+        }
+        lack
+    }
+
+    /// Largest distance that a contact lacks at `x` [m].
+    pub(crate) fn lack(&self, x: &[DVec3]) -> f64 {
+        let lack = |c: &Contact| {
+            c.distance
+                - c.normal
+                    .dot(combine(&c.weights, &c.pair.nodes.map(|k| x[k as usize])))
+        };
+        self.contacts.iter().map(lack).fold(0.0, f64::max)
+    }
+
+    /// Impacts without rebound: contacts with a force get no relative velocity along their normal,
+    /// those that stick none at all.
+    pub(crate) fn impact(&self, velocities: &mut [DVec3], nodes: &mut Nodes) {
+        for c in self.contacts.iter().filter(|c| c.force > 0.0) {
+            let ids = c.pair.nodes.map(|k| k as usize);
+            let relative = combine(&c.weights, &ids.map(|k| velocities[k]));
+            let (mut along, mut across) = (0.0, 0.0);
+            for (&k, w) in ids.iter().zip(c.weights) {
+                along += w * w * c.normal.dot(nodes.respond(k, c.normal));
+                across += w * w * nodes.mobility(k);
+            }
+            if along <= 0.0 {
+                continue;
+            }
+            let normal = c.normal * c.normal.dot(relative);
+            let mut impulse = -normal / along;
+            if !c.sliding && across > 0.0 {
+                impulse -= (relative - normal) / across;
+            }
+            for (&k, w) in ids.iter().zip(c.weights) {
+                velocities[k] += nodes.respond(k, impulse * w);
+            }
+        }
+    }
+
+    /// Follows every pair along its way from `start` to `end`.
+    pub(crate) fn passage(&self, start: &[DVec3], end: &[DVec3]) -> Passage {
+        let mut passage = Passage {
+            free: 1.0,
+            gap: None,
+        };
+        let mut least = f64::INFINITY;
+        for pair in &self.pairs {
+            let (a, b) = (
+                pair.nodes.map(|k| start[k as usize]),
+                pair.nodes.map(|k| end[k as usize]),
+            );
+            let way = free_way(pair.kind, &a, &b, LEAST_SHARE);
+            passage.free = passage.free.min(way);
+            least = least.min(combine(&weights(pair.kind, &b), &b).length());
+        }
+        if least.is_finite() {
+            passage.gap = Some(least - self.thickness);
+        }
+        passage
+    }
+
+    /// Whether every node is still within the box that the pairs were looked for in.
+    pub(crate) fn covers(&self, x: &[DVec3]) -> bool {
+        let half = 0.5 * self.thickness;
+        self.node_boxes
+            .iter()
+            .zip(x)
+            .all(|(b, x)| (b.low + half).cmple(*x).all() && x.cmple(b.high - half).all())
+    }
+}
+
+/// Weights, normal and distance of a pair that can touch: none when the nearest points are on a
+/// border that belongs to other pairs.
+fn touch(kind: Kind, x: &[DVec3; 4]) -> Option<([f64; 4], DVec3, f64)> {
+    match kind {
+        Kind::NodeTriangle => {
+            let (ab, ac, ap) = (x[2] - x[1], x[3] - x[1], x[0] - x[1]);
+            let cross = ab.cross(ac);
+            let area = cross.length_squared();
+            let v = ap.cross(ac).dot(cross) / area;
+            let w = ab.cross(ap).dot(cross) / area;
+            let inside = v.min(w).min(1.0 - v - w);
+            // A degenerate triangle gives NaN here.
+            if !(inside > -OUTSIDE) {
+                return None;
+            }
+            let normal = cross / area.sqrt();
+            let height = normal.dot(ap);
+            let normal = if height < 0.0 { -normal } else { normal };
+            Some(([1.0, v + w - 1.0, -v, -w], normal, height.abs()))
+        }
+        Kind::EdgeEdge => {
+            let (u, v) = (x[1] - x[0], x[3] - x[2]);
+            let sine_squared = u.cross(v).length_squared();
+            if sine_squared < CROSSING * CROSSING * u.length_squared() * v.length_squared() {
+                return None;
+            }
+            let weights = weights(kind, x);
+            if weights[0].min(weights[1]) <= 0.0 || weights[2].max(weights[3]) >= 0.0 {
+                return None;
+            }
+            let between = combine(&weights, x);
+            let distance = between.length();
+            (distance > 0.0).then(|| (weights, between / distance, distance))
+        }
+    }
+}
