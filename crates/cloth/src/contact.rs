@@ -25,6 +25,10 @@ const LEAST_SHARE: f64 = 0.1;
 const OUTSIDE: f64 = 0.02;
 /// Edges that are nearly parallel have no common normal; nodes over triangles separate them.
 const CROSSING: f64 = 0.05;
+/// Contacts are kept as they are while no node has moved further [m].
+const STILL: f64 = 5e-6;
+/// Pairs are looked for so many substeps ahead.
+const AHEAD: f64 = 1.5;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Pair {
@@ -54,11 +58,19 @@ pub(crate) struct Contacts {
     thickness: f64,
     cell: f64,
     node_boxes: Vec<Bounds>,
+    /// How far each node can go without leaving its box [m].
+    ways: Vec<f64>,
     boxes: Vec<Bounds>,
     cells: Cells,
     pairs: Vec<Pair>,
     contacts: Vec<Contact>,
     before: Vec<Contact>,
+    /// Positions that the contacts were made for, and whether they are those of the present pairs.
+    seen: Vec<DVec3>,
+    fresh: bool,
+    /// Whether no node has moved since.
+    still: bool,
+    gap: Option<f64>,
     /// More pairs than this are not looked at: the input has collapsed.
     most_pairs: usize,
 }
@@ -98,11 +110,16 @@ impl Contacts {
             thickness: thickness.min(0.5 * shortest),
             cell: 1.2 * mean,
             node_boxes: vec![nothing; mesh.node_count()],
+            ways: vec![0.0; mesh.node_count()],
             boxes: Vec::with_capacity(edges.len()),
             cells: Cells::default(),
             pairs: Vec::new(),
             contacts: Vec::new(),
             before: Vec::new(),
+            seen: rest.to_vec(),
+            fresh: false,
+            still: false,
+            gap: None,
             most_pairs: 200 * mesh.node_count() + 10_000,
             triangles,
             edges,
@@ -116,22 +133,29 @@ impl Contacts {
     /// Goes back to the contacts before the last [`begin`](Self::begin).
     pub(crate) fn restore(&mut self) {
         std::mem::swap(&mut self.contacts, &mut self.before);
+        self.fresh = false;
     }
 
+    pub(crate) fn counts(&self) -> (usize, usize) { (self.pairs.len(), self.contacts.len()) }
     /// Forgets all contacts.
     pub(crate) fn clear(&mut self) {
         self.contacts.clear();
+        self.fresh = false;
     }
 
     /// Finds the pairs that may come near on the way from `x` to `guess`; false when there are too
     /// many to be looked at.
     pub(crate) fn find(&mut self, x: &[DVec3], guess: &[DVec3]) -> bool {
         let reach = 0.5 * self.thickness + MARGIN;
-        for ((b, x), g) in self.node_boxes.iter_mut().zip(x).zip(guess) {
-            let slack = reach + 0.25 * x.distance(*g);
+        let boxes = self.node_boxes.iter_mut().zip(&mut self.ways);
+        for ((b, way), (x, g)) in boxes.zip(x.iter().zip(guess)) {
+            let distance = x.distance(*g);
+            let slack = reach + AHEAD * distance;
             b.low = x.min(*g) - slack;
             b.high = x.max(*g) + slack;
+            *way = distance + 3.0_f64.sqrt() * (slack - 0.5 * self.thickness);
         }
+        self.fresh = false;
         self.pairs.clear();
         let (pairs, node_boxes) = (&mut self.pairs, &self.node_boxes);
         let join = |nodes: &[u32]| {
@@ -171,20 +195,45 @@ impl Contacts {
                 }
             });
         }
-        self.pairs.len() < self.most_pairs
+        let found = self.pairs.len() < self.most_pairs;
+        // Only those that can touch while every node stays in its box
+        let (ways, thickness) = (&self.ways, self.thickness);
+        self.pairs.retain(|pair| {
+            let way = pair.nodes.map(|k| ways[k as usize]);
+            let first = if pair.kind == Kind::NodeTriangle { 1 } else { 2 };
+            let longest = |ways: &[f64]| ways.iter().fold(0.0_f64, |a, b| a.max(*b));
+            let reach = thickness + longest(&way[..first]) + longest(&way[first..]);
+            let at = pair.nodes.map(|k| x[k as usize]);
+            combine(&weights(pair.kind, &at), &at).length_squared() <= reach * reach
+        });
+        found
     }
 
     /// Makes contacts of the pairs that may touch in a substep of `h` [s]; those that were contacts
     /// before keep their forces.
     pub(crate) fn begin(&mut self, x: &[DVec3], guess: &[DVec3], h: f64) {
+        self.before.clone_from(&self.contacts);
+        let far = |(at, now): (&DVec3, &DVec3)| at.distance_squared(*now) > STILL * STILL;
+        self.still = self.fresh
+            && !self.seen.iter().zip(x).any(far)
+            && !self.seen.iter().zip(guess).any(far);
+        if self.still {
+            return;
+        }
+        self.seen.copy_from_slice(x);
+        self.fresh = true;
         std::mem::swap(&mut self.contacts, &mut self.before);
         self.contacts.clear();
         for pair in &self.pairs {
             let at = pair.nodes.map(|k| x[k as usize]);
+            let ahead = pair.nodes.map(|k| guess[k as usize]);
+            if !near(pair.kind, &at, &ahead, self.thickness + MARGIN) {
+                continue;
+            }
             let Some((weights, normal, distance)) = touch(pair.kind, &at) else {
                 continue;
             };
-            let way = pair.nodes.map(|k| guess[k as usize] - x[k as usize]);
+            let way = [0, 1, 2, 3].map(|k| ahead[k] - at[k]);
             let approach = normal.dot(combine(&weights, &way));
             if distance.min(distance + approach) > self.thickness + MARGIN {
                 continue;
@@ -234,22 +283,22 @@ impl Contacts {
         let mut lack = 0.0_f64;
         for c in &mut self.contacts {
             let ids = c.pair.nodes.map(|k| k as usize);
+            let between = combine(&c.weights, &ids.map(|k| x[k]));
+            let gap = c.normal.dot(between) - c.distance;
+            if gap >= 0.0 && c.force == 0.0 {
+                continue;
+            }
             let mut mobility = [0.0; 2];
             for (&k, w) in ids.iter().zip(c.weights) {
                 let along = c.normal.dot(nodes.respond(k, c.normal));
                 mobility[0] += w * w * along;
                 mobility[1] += w * w * nodes.mobility(k);
             }
-            let between = combine(&c.weights, &ids.map(|k| x[k]));
-            let gap = c.normal.dot(between) - c.distance;
             if mobility[0] <= 0.0 {
                 continue;
             }
             lack = lack.max(-gap);
             let force = (c.force - gap / mobility[0]).max(0.0);
-            if force == 0.0 && c.force == 0.0 {
-                continue;
-            }
             let mut change = c.normal * (force - c.force);
             c.force = force;
 
@@ -311,7 +360,18 @@ impl Contacts {
     }
 
     /// Follows every pair along its way from `start` to `end`.
-    pub(crate) fn passage(&self, start: &[DVec3], end: &[DVec3]) -> Passage {
+    pub(crate) fn passage(&mut self, start: &[DVec3], end: &[DVec3]) -> Passage {
+        let near_seen =
+            |(at, now): (&DVec3, &DVec3)| at.distance_squared(*now) <= STILL * STILL;
+        if self.still && self.seen.iter().zip(end).all(near_seen) {
+            // Everything is where it was, to a small part of the smallest distance.
+            if self.gap.is_none_or(|gap| gap + self.thickness > 8.0 * STILL) {
+                return Passage {
+                    free: 1.0,
+                    gap: self.gap,
+                };
+            }
+        }
         let mut passage = Passage {
             free: 1.0,
             gap: None,
@@ -322,6 +382,9 @@ impl Contacts {
                 pair.nodes.map(|k| start[k as usize]),
                 pair.nodes.map(|k| end[k as usize]),
             );
+            if !near(pair.kind, &a, &b, self.thickness + MARGIN) {
+                continue;
+            }
             let way = free_way(pair.kind, &a, &b, LEAST_SHARE);
             passage.free = passage.free.min(way);
             least = least.min(combine(&weights(pair.kind, &b), &b).length());
@@ -329,6 +392,7 @@ impl Contacts {
         if least.is_finite() {
             passage.gap = Some(least - self.thickness);
         }
+        self.gap = passage.gap;
         passage
     }
 
@@ -340,6 +404,28 @@ impl Contacts {
             .zip(x)
             .all(|(b, x)| (b.low + half).cmple(*x).all() && x.cmple(b.high - half).all())
     }
+}
+
+/// Whether the boxes around the ways of the two features come within `reach`: a cheap test that
+/// leaves out most pairs.
+#[inline]
+fn near(kind: Kind, start: &[DVec3; 4], end: &[DVec3; 4], reach: f64) -> bool {
+    let low = |k: usize| start[k].min(end[k]);
+    let high = |k: usize| start[k].max(end[k]);
+    let (first, second) = match kind {
+        Kind::NodeTriangle => (
+            (low(0), high(0)),
+            (
+                low(1).min(low(2)).min(low(3)),
+                high(1).max(high(2)).max(high(3)),
+            ),
+        ),
+        Kind::EdgeEdge => (
+            (low(0).min(low(1)), high(0).max(high(1))),
+            (low(2).min(low(3)), high(2).max(high(3))),
+        ),
+    };
+    (first.0 - reach).cmple(second.1).all() && (second.0 - reach).cmple(first.1).all()
 }
 
 /// Weights, normal and distance of a pair that can touch: none when the nearest points are on a

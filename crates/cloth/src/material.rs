@@ -43,7 +43,7 @@ impl Default for Material {
             damping: 0.416,
             bending: 2.5e-5,
             shear: 40.0,
-            internal_damping: 2e-3,
+            internal_damping: 1e-2,
             friction_table: 0.2,
             friction_cloth: 0.6,
             thickness: 1e-3,

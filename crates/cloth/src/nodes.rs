@@ -3,9 +3,6 @@
 
 use selvedge_math::DVec3;
 
-/// Share of the mobility of a sticking node that the rows reckon with.
-const LOOSE: f64 = 1.0;
-
 /// How a node is kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Kept {
@@ -28,6 +25,7 @@ pub(crate) enum Kept {
 pub(crate) struct Nodes {
     inverse: Vec<f64>,
     pub(crate) kept: Vec<Kept>,
+    pub(crate) looseness: f64,
     /// Forces of the ties [N].
     pub(crate) reactions: Vec<DVec3>,
 }
@@ -37,6 +35,7 @@ impl Nodes {
         Self {
             inverse: vec![0.0; node_count],
             kept: vec![Kept::Free; node_count],
+            looseness: 1.0,
             reactions: vec![DVec3::ZERO; node_count],
         }
     }
@@ -49,14 +48,15 @@ impl Nodes {
         self.inverse[node] = inverse;
     }
 
-    /// The displacement that a force may give in the end: a node that sticks may have to slide. With
-    /// a share of its mobility in the matrix of the rows, forces on sticking nodes grow from one
-    /// iteration to the next no faster than it takes to find out.
+    /// The displacement that a force may give in the end: a node that sticks may have to slide. The
+    /// rows reckon with the share `looseness` of its mobility, so that forces on sticking nodes grow
+    /// from one iteration to the next no faster than it takes to find out.
     #[inline]
     pub(crate) fn prospect(&self, node: usize, force: DVec3) -> DVec3 {
         match self.kept[node] {
             Kept::Sticks(normal) => {
-                (force - normal * normal.dot(force)) * (LOOSE * self.inverse[node])
+                let share = self.looseness * self.inverse[node];
+                (force - normal * normal.dot(force)) * share
             }
             _ => self.respond(node, force),
         }

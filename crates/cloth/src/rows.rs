@@ -205,12 +205,27 @@ impl Rows {
 
     /// The stiffness that tension gives: an edge under the force `T` resists a displacement `u` of
     /// its ends with `T (u_q - u_p)/(2 l)`, half since the force points along the middle of the way.
-    /// Edges under pressure have none.
-    pub(crate) fn tauten(&mut self) -> &[f64] {
+    /// Edges under pressure have none. It is a matter of convergence only, so it is kept until it is
+    /// off by `slack` [N/m]; true when it is new.
+    pub(crate) fn tauten(&mut self, slack: f64) -> bool {
         let edges = self.lengths.iter().zip(&self.multipliers);
-        for (tautness, (length, multiplier)) in self.tautness.iter_mut().zip(edges) {
-            *tautness = (-multiplier).max(0.0) / (2.0 * length);
+        let now = |(length, multiplier): (&f64, &f64)| (-multiplier).max(0.0) / (2.0 * length);
+        if edges
+            .clone()
+            .map(now)
+            .zip(&self.tautness)
+            .all(|(a, b)| (a - b).abs() <= slack)
+        {
+            return false;
         }
+        for (tautness, edge) in self.tautness.iter_mut().zip(edges) {
+            *tautness = now(edge);
+        }
+        true
+    }
+
+    /// Stiffness across each edge [N/m] that its tension gives.
+    pub(crate) fn tautness(&self) -> &[f64] {
         &self.tautness
     }
 

@@ -17,6 +17,9 @@ pub const RECOVERY: f64 = 0.5;
 /// A substep that fails is cut in two, at most so often.
 const MAX_CUTS: u32 = 6;
 
+/// A substep has converged when its last iteration moved no node further [m].
+const SETTLED: f64 = 1e-5;
+
 /// What the solver is told next to mesh and material.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
@@ -76,6 +79,8 @@ pub struct Simulator {
     start: Vec<DVec3>,
     load: Vec<DVec3>,
     forces: Vec<DVec3>,
+    /// Whether the factor of the rows is too old.
+    stale: bool,
     before: Vec<DVec3>,
     aimed: Vec<DVec3>,
     sines: Vec<f64>,
@@ -239,6 +244,7 @@ impl Simulator {
             start: rest.to_vec(),
             load: vec![DVec3::ZERO; n],
             forces: vec![DVec3::ZERO; n],
+            stale: true,
             before: vec![DVec3::ZERO; n],
             aimed: vec![DVec3::ZERO; n],
             sines: vec![0.0; mesh.quads().len()],
@@ -258,10 +264,10 @@ impl Simulator {
         &self.state.reactions
     }
 
-    fn prepare(&mut self, h: f64) -> Result<(), Error> {
+    fn prepare(&mut self, h: f64) -> Result<bool, Error> {
         let predictor = &mut self.predictor;
         if predictor.h == h {
-            return Ok(());
+            return Ok(false);
         }
         let Material {
             density,
@@ -286,12 +292,12 @@ impl Simulator {
             }
         }
         predictor.h = h;
-        Ok(())
+        Ok(true)
     }
 
     /// One substep from `time` to `time + h`, with the held nodes at `share` of their way at its end.
     fn substep(&mut self, h: f64, share: f64) -> Result<Ended, Error> {
-        self.prepare(h)?;
+        let new_length = self.prepare(h)?;
         let material = self.material;
         let n = self.masses.len();
         let law = ShearLaw {
@@ -317,6 +323,9 @@ impl Simulator {
                 true => Kept::Fixed,
                 false => self.supports.tie(node, &table),
             };
+            if self.nodes.kept[node] == Kept::Free {
+                self.nodes.reactions[node] = DVec3::ZERO;
+            }
         }
 
         // Load without the forces that are sought
@@ -327,9 +336,18 @@ impl Simulator {
                 - self.bending.multiply_row(k, &self.start) * material.bending;
         }
 
-        self.predictor.factor(self.rows.tauten())?;
+        let slack = 0.1 / self.nodes.inverse(0);
+        let taut = self.rows.tauten(slack);
+        if taut || new_length {
+            self.predictor.factor(self.rows.tautness())?;
+        }
         let mut ended = Ended::default();
-        let (mut rates, mut refactor) = (f64::INFINITY, true);
+        let mut last_strain = f64::INFINITY;
+        if self.nodes.looseness < 1.0 {
+            self.nodes.looseness = 1.0;
+            self.stale = true;
+        }
+        self.stale |= new_length;
         let (mut aim, mut last_moved, mut least) = (true, f64::INFINITY, f64::INFINITY);
         for iteration in 0..self.settings.iterations {
             ended.iterations += 1;
@@ -351,7 +369,8 @@ impl Simulator {
             self.predictor.solve(&self.forces, &self.start, x);
             self.before.copy_from_slice(x);
             if iteration == 0 {
-                let found = self.contacts.find(&self.start, x);
+                let found = (self.contacts.covers(&self.start) && self.contacts.covers(x))
+                    || self.contacts.find(&self.start, x);
                 self.contacts.begin(&self.start, x, h);
                 if !found {
                     return Err(Error::Crowded);
@@ -389,8 +408,9 @@ impl Simulator {
                 self.aimed.copy_from_slice(x);
                 self.rows.set_gradients(&self.start, x);
             }
-            if changed || refactor || aim {
+            if changed || self.stale {
                 self.rows.factor(&self.nodes, law)?;
+                self.stale = false;
             }
             self.rows.correct(x, &self.sines, law, &mut self.forces);
             for (node, (x, force)) in x.iter_mut().zip(&self.forces).enumerate() {
@@ -420,10 +440,20 @@ impl Simulator {
             least = least.min(moved);
             aim = iteration < 2 || moved < 0.3 * last_moved;
             last_moved = moved;
-            refactor = ended.strain > 0.2 * rates;
-            rates = ended.strain;
+            self.stale |=
+                ended.strain > 0.3 * last_strain && ended.strain > 0.3 * self.settings.tolerance;
+            // Only edges between sticking nodes are left: pull harder
+            if ended.strain > 0.7 * last_strain && moved < SETTLED && iteration > 1 {
+                self.nodes.looseness = (0.25 * self.nodes.looseness).max(0.01);
+                self.stale = true;
+            } else if self.nodes.looseness < 1.0 && moved > SETTLED {
+                self.nodes.looseness = 1.0;
+                self.stale = true;
+            }
+            last_strain = ended.strain;
             ended.residual = ended.strain;
             if std::env::var_os("TRACE").is_some() {
+                eprintln!("   pairs {:?}", self.contacts.counts());
                 let e = self.rest_lengths.len();
                 let mx = |v: &[f64]| {
                     v.iter().enumerate().fold((0, 0.0f64), |m, (k, a)| {
@@ -588,6 +618,7 @@ impl Simulator {
         let saved = std::mem::take(&mut self.saved);
         self.state.copy_from(&saved[depth]);
         self.saved = saved;
+        self.stale = true;
         let middle = 0.5 * (from + to);
         self.advance(0.5 * h, from, middle, cuts + 1, report)?;
         self.advance(0.5 * h, middle, to, cuts + 1, report)
@@ -607,6 +638,7 @@ impl ClothSimulator for Simulator {
         held.check(self.state.positions.len())?;
         SimulatorError::check_time_step(dt)?;
         let mut report = StepReport::default();
+        self.stale |= self.held.nodes != held.nodes;
         self.held.is_held.fill(false);
         self.held.nodes.clear();
         self.held.from.clear();

@@ -80,8 +80,8 @@ impl Supports {
         }
     }
 
-    /// Decides how a node at `x`, which was at `start`, rests, and puts it there; true when that
-    /// changed.
+    /// Decides how a node at `x`, which was at `start`, rests, and puts it there; true when it
+    /// came to rest or left.
     pub(crate) fn update(
         &mut self,
         node: usize,
@@ -141,7 +141,7 @@ impl Supports {
         let place = start + motion;
         let place = place + normal * (offset - normal.dot(place));
         nodes.place(node, place, x);
-        self.rests[node] != before
+        before == Rest::No
     }
 
     /// How far below its surface the node is [m].
