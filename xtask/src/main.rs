@@ -7,6 +7,7 @@
 mod ci;
 mod experiments;
 mod layers;
+mod progress;
 mod report;
 mod test;
 mod workspace;
