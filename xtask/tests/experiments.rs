@@ -143,6 +143,37 @@ fn numbers_out_of_bounds_are_refused_with_flag_and_bound() {
 }
 
 #[test]
+fn the_bench_prints_a_row_a_case_and_solver_and_the_totals() {
+    let output = Command::new(XTASK)
+        .args(["bench-fold", "--repeats", "1", "--scenario"])
+        .arg(fixture("tests/small_fold.toml"))
+        .output()
+        .unwrap();
+    // One of the cases grasps nothing.
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+    let table = text(&output.stdout);
+    for word in [
+        "ms/step",
+        "Strain, rms",
+        "Shear",
+        "Gap",
+        "Held error",
+        "Unconverged",
+    ] {
+        assert!(table.contains(word), "{word} is not in {table}");
+    }
+    assert!(table.contains("misses published failed: gripper 1 closes on nothing"));
+    assert!(table.contains("x real time over 2 of 3 cases"), "{table}");
+    assert!(table.contains("One thread, median of 1") && table.contains("load average"));
+    let none = Command::new(XTASK)
+        .args(["bench-fold", "--repeats", "0"])
+        .output()
+        .unwrap();
+    assert_eq!(none.status.code(), Some(2));
+    assert!(text(&none.stderr).contains("--repeats"));
+}
+
+#[test]
 fn bad_input_ends_with_status_2_and_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let scenario = folder.path().join("bad.toml");

@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+mod bench;
 mod compare;
 mod ensemble;
 mod error;
@@ -16,6 +17,7 @@ mod table;
 mod timing;
 mod worst;
 
+pub use bench::{Bench, BenchRow, bench};
 pub use ensemble::Ensemble;
 pub use error::Error;
 pub use expected::Expected;
