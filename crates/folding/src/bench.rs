@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use crate::fold::Fold;
 use crate::table::{Column, print};
+use crate::timing::median;
 use crate::worst::{Watch, Worst};
 use crate::{Case, Error, Scenario, Solver};
 
@@ -84,13 +85,6 @@ fn timed(scenario: &Scenario, case: &Case, solver: Solver) -> Result<(Duration, 
     Ok((spent, watch.worst))
 }
 
-fn median(mut times: Vec<Duration>) -> Duration {
-    times.sort_unstable();
-    let n = times.len();
-    let middle = |k: usize| times.get(k).copied().unwrap_or_default();
-    (middle(n / 2) + middle(n.saturating_sub(1) / 2)) / 2
-}
-
 impl Bench {
     /// Simulated time over the time it took, all finished cases of a solver together.
     pub fn real_time_factor(&self, solver: Solver) -> Option<f64> {
@@ -148,14 +142,6 @@ impl Bench {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_median_is_that_of_the_middle_two() {
-        let of = |ms: &[u64]| median(ms.iter().map(|&ms| Duration::from_millis(ms)).collect());
-        assert_eq!(of(&[]), Duration::ZERO);
-        assert_eq!(of(&[9, 1, 2]), Duration::from_millis(2));
-        assert_eq!(of(&[9, 1, 2, 4]), Duration::from_millis(3));
-    }
 
     #[test]
     fn cases_are_rows_and_failures_have_their_reason() {

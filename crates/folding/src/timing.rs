@@ -12,9 +12,10 @@ use crate::{Case, Error, Scenario};
 /// Measured times; the only part of a run that differs from one run to the next.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Timing {
-    /// Commands and targets, mean over the closed steps after the closing one.
+    /// Commands and targets: mean over the closed steps after the closing one, median of several
+    /// repeats.
     pub gripper_step: Duration,
-    /// Selection at closing, mean over several closings.
+    /// Selection at closing: mean over the closings, median of several repeats.
     pub selection: Duration,
     /// Cloth, mean over the steps.
     pub solver_step: Duration,
@@ -33,8 +34,7 @@ pub(crate) fn time_gripper(
     const REPEATS: u32 = 20;
     let mut grippers = grippers(case);
     let mut commands: Vec<Command> = Vec::with_capacity(case.grippers.len());
-    let (mut closing, mut closings) = (Duration::ZERO, 0);
-    let (mut carrying, mut carried) = (Duration::ZERO, 0);
+    let (mut selections, mut gripper_steps) = (Vec::new(), Vec::new());
     let failed = |step| {
         move |reason| Error::Gripper {
             time: scenario.time(step),
@@ -43,6 +43,8 @@ pub(crate) fn time_gripper(
     };
     for _ in 0..REPEATS {
         grippers.reset();
+        let (mut closing, mut closings) = (Duration::ZERO, 0);
+        let (mut carrying, mut carried) = (Duration::ZERO, 0);
         let mut step = 0;
         while step < scenario.steps {
             commands.clear();
@@ -83,10 +85,33 @@ pub(crate) fn time_gripper(
                 step += 1;
             }
         }
+        selections.push(closing / u32::max(closings, 1));
+        gripper_steps.push(carrying / u32::max(carried, 1));
     }
     Ok(Timing {
-        selection: closing / u32::max(closings, 1),
-        gripper_step: carrying / u32::max(carried, 1),
+        selection: median(selections),
+        gripper_step: median(gripper_steps),
         ..Timing::default()
     })
+}
+
+/// The middle one, or the mean of the two middle ones; zero if there is none.
+pub(crate) fn median(mut times: Vec<Duration>) -> Duration {
+    times.sort_unstable();
+    let n = times.len();
+    let middle = |k: usize| times.get(k).copied().unwrap_or_default();
+    (middle(n / 2) + middle(n.saturating_sub(1) / 2)) / 2
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_is_that_of_the_middle_two() {
+        let of = |ms: &[u64]| median(ms.iter().map(|&ms| Duration::from_millis(ms)).collect());
+        assert_eq!(of(&[]), Duration::ZERO);
+        assert_eq!(of(&[9, 1, 2]), Duration::from_millis(2));
+        assert_eq!(of(&[9, 1, 2, 4]), Duration::from_millis(3));
+    }
 }
