@@ -1,21 +1,20 @@
 //! `cargo xtask experiments`: the paper's table, or that of any scenario.
 
-use std::collections::HashMap;
-use std::io::IsTerminal;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::available_parallelism;
 use std::time::Instant;
 
 use anyhow::Context;
 use clap::ValueEnum;
-use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use selvedge_folding::{
-    Error, Event, Expected, Experiment, Options, Scenario, Solver, experiment, terminal,
+    Error, Expected, Experiment, Measured, Options, Scenario, Solver, experiment, terminal,
 };
+
+use crate::progress::Progress;
+use crate::workspace;
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
@@ -25,12 +24,20 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
     /// The cloth simulator.
-    #[arg(long, value_enum, default_value = "published")]
-    solver: SolverName,
+    #[arg(long, value_enum, default_value = "both")]
+    solver: Solvers,
+    /// Runs of each case from perturbed starts; 0 for none.
+    #[arg(long, value_name = "N", default_value = "8")]
+    #[arg(value_parser = clap::value_parser!(u32).range(0..=1000))]
+    ensemble: u32,
+    /// How far a coordinate of a perturbed start is from that of the sheet at rest at most [m].
+    #[arg(long, value_name = "M", default_value = "1e-9", value_parser = noise)]
+    #[arg(allow_hyphen_values = true)]
+    noise: f64,
     /// Folder for the files [default: target/experiments/SCENARIO].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Cases that run at the same time [default: the number of processors].
+    /// Folds that run at the same time [default: the number of processors].
     #[arg(long, value_name = "N")]
     jobs: Option<std::num::NonZeroUsize>,
     /// Print the table only.
@@ -39,10 +46,36 @@ pub(crate) struct Arguments {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum SolverName {
+enum Solvers {
+    /// The inextensible cloth.
+    Default,
     /// The scheme of the paper's table, defects included.
     Published,
+    /// One after the other, side by side in the table.
+    Both,
 }
+
+impl Solvers {
+    fn list(self) -> Vec<Solver> {
+        match self {
+            Self::Default => vec![Solver::Default],
+            Self::Published => vec![Solver::Published],
+            Self::Both => vec![Solver::Published, Solver::Default],
+        }
+    }
+}
+
+/// A noise within its bounds: larger ones change the task.
+fn noise(text: &str) -> Result<f64, String> {
+    const MAX: f64 = 1e-3;
+    match text.parse() {
+        Ok(noise) if (0.0..=MAX).contains(&noise) => Ok(noise),
+        _ => Err(format!("must be a length from 0 to {MAX} m")),
+    }
+}
+
+/// The scenario of the paper's table.
+pub(crate) const PAPER: &str = "fixtures/scenarios/corner_fold.toml";
 
 /// Set by Ctrl-C; running cases stop after their present step.
 static STOP: AtomicBool = AtomicBool::new(false);
@@ -54,10 +87,8 @@ const LAG: f64 = 1e-4;
 const INTERRUPTED: u8 = 130;
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .context("xtask has no parent")?;
-    let default = root.join("fixtures/scenarios/corner_fold.toml");
+    let root = workspace::root()?;
+    let default = root.join(PAPER);
     let path = arguments.scenario.as_ref().unwrap_or(&default);
     let scenario = Scenario::load(path)?;
     let expected = Expected::beside(&scenario, path)?;
@@ -65,19 +96,19 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let out = arguments.out.clone();
     let options = Options {
         cases: arguments.cases.clone(),
-        solver: match arguments.solver {
-            SolverName::Published => Solver::Published,
-        },
+        solvers: arguments.solver.list(),
         out: out.unwrap_or_else(|| target.join("experiments").join(&scenario.name)),
         jobs: arguments.jobs.map_or_else(
             || available_parallelism().map_or(1, |n| n.get()),
             |n| n.get(),
         ),
+        ensemble: arguments.ensemble as usize,
+        noise: arguments.noise,
     };
     ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)).context("Ctrl-C")?;
 
     let start = Instant::now();
-    let progress = Progress::new(arguments.quiet);
+    let progress = Progress::new(arguments.quiet, options.ensemble);
     let result = experiment(&scenario, &expected, &options, &|event| {
         progress.show(event);
         match STOP.load(Ordering::Relaxed) {
@@ -85,7 +116,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
             false => ControlFlow::Continue(()),
         }
     });
-    progress.bars.clear()?;
+    progress.clear()?;
     match result {
         Ok(result) => {
             report(&result, &expected, &options, start, arguments.quiet);
@@ -111,98 +142,60 @@ fn report(
 ) {
     println!("{}", terminal(&result.rows));
     for (row, _) in &result.rows {
-        if let (Ok(_), Some(reason)) = (&row.outcome, row.failure()) {
-            println!("{}: {reason}", row.case);
+        let name = format!("{} {}", row.case, row.solver);
+        if let Some(reason) = row.failure() {
+            println!("{name} failed: {reason}");
         }
         if let Ok(measured) = &row.outcome {
-            if measured.unconverged_steps > 0 {
-                let n = measured.unconverged_steps;
-                println!("{}: {n} steps ended at the iteration limit", row.case);
-            }
-            if !measured.refused.is_empty() {
-                let nodes = &measured.refused;
-                println!(
-                    "{}: another gripper held nodes {nodes:?} when one closed",
-                    row.case
-                );
-            }
-            if measured.held_error > LAG {
-                let lag = measured.held_error * 1e3;
-                println!(
-                    "{}: held nodes were up to {lag:.1} mm from their targets (below the table, or \
-                     faster than the solver's move limit)",
-                    row.case
-                );
-            }
-            if measured.overstretched {
-                println!(
-                    "{}: held nodes were pulled further apart than the cloth is long",
-                    row.case
-                );
-            }
+            remarks(&name, measured);
         }
     }
     if !quiet {
         if !expected.source.is_empty() {
             println!("Paper: {}.", expected.source);
+            println!("Its digits are those of the published scheme; another cloth has others.");
         }
-        println!("Strain: largest edge strain at the end of any step, see docs/SCENARIOS.md.");
+        if options.ensemble > 0 {
+            println!(
+                "Median, max - min: errors of {} more folds from starts that differ by up to {:e} m.",
+                options.ensemble, options.noise
+            );
+        }
+        println!("Strain: largest edge strain of the run, see docs/SCENARIOS.md.");
         let seconds = start.elapsed().as_secs_f64();
         println!("{seconds:.1} s; files in {}", options.out.display());
     }
 }
 
-/// A bar a case on a terminal, a line a case otherwise.
-struct Progress {
-    bars: MultiProgress,
-    running: Mutex<HashMap<String, ProgressBar>>,
-    lines: bool,
-}
-
-impl Progress {
-    fn new(quiet: bool) -> Self {
-        let bars = MultiProgress::new();
-        if quiet {
-            bars.set_draw_target(ProgressDrawTarget::hidden());
-        }
-        let lines = !quiet && !std::io::stderr().is_terminal();
-        Self {
-            bars,
-            running: Mutex::default(),
-            lines,
-        }
+/// What a reader of the table must know of a case.
+fn remarks(name: &str, measured: &Measured) {
+    let worst = &measured.worst;
+    if worst.unconverged_steps > 0 {
+        let n = worst.unconverged_steps;
+        println!("{name}: {n} steps ended at the iteration limit");
     }
-
-    fn show(&self, event: Event<'_>) {
-        let Ok(mut running) = self.running.lock() else {
-            return;
-        };
-        match event {
-            Event::Started { case, steps } => {
-                let bar = self.bars.add(ProgressBar::new(steps as u64));
-                let style = "{prefix:>8} {bar:32} {pos:>4}/{len} steps  {per_sec}  {eta} left";
-                if let Ok(style) = ProgressStyle::with_template(style) {
-                    bar.set_style(style);
-                }
-                bar.set_prefix(case.to_owned());
-                running.insert(case.to_owned(), bar);
-            }
-            Event::Step { case, step } => {
-                if let Some(bar) = running.get(case) {
-                    bar.set_position(step as u64 + 1);
-                }
-            }
-            Event::Finished { case, failure } => {
-                if let Some(bar) = running.remove(case) {
-                    bar.finish_and_clear();
-                }
-                if self.lines {
-                    match failure {
-                        None => eprintln!("{case} done"),
-                        Some(reason) => eprintln!("{case} failed: {reason}"),
-                    }
-                }
-            }
-        }
+    if let Some(gap) = worst.gap.filter(|gap| *gap < 0.0) {
+        let depth = -gap * 1e3;
+        println!("{name}: layers came up to {depth:.3} mm too near to each other or the table");
+    }
+    if !measured.refused.is_empty() {
+        let nodes = &measured.refused;
+        println!("{name}: another gripper held nodes {nodes:?} when one closed");
+    }
+    if worst.held_error > LAG {
+        let lag = worst.held_error * 1e3;
+        println!(
+            "{name}: held nodes were up to {lag:.1} mm from their targets (below the table, beyond \
+             what the cloth allows, or faster than the solver's move limit)"
+        );
+    }
+    if measured.overstretched {
+        println!("{name}: held nodes were pulled further apart than the cloth is long");
+    }
+    if let Some(ensemble) = &measured.ensemble
+        && let Some(reason) = &ensemble.reason
+    {
+        let n = ensemble.failures;
+        println!("{name}: {n} perturbed starts failed, the first because {reason}");
     }
 }

@@ -4,9 +4,11 @@
 
 #![forbid(unsafe_code)]
 
+mod bench_fold;
 mod ci;
 mod experiments;
 mod layers;
+mod progress;
 mod report;
 mod test;
 mod workspace;
@@ -26,6 +28,8 @@ struct Arguments {
 enum Command {
     /// Simulate the folds of a scenario and compare their errors.
     Experiments(experiments::Arguments),
+    /// Time the folds of a scenario on one thread.
+    BenchFold(bench_fold::Arguments),
     /// Run every test, doctest and example.
     Test(test::Arguments),
     /// Check which crate needs which, and where heavy packages are named.
@@ -37,6 +41,7 @@ enum Command {
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Experiments(arguments) => experiments::run(&arguments),
+        Command::BenchFold(arguments) => bench_fold::run(&arguments),
         Command::Test(arguments) => test::run(&arguments),
         Command::Layers => layers::run(),
         Command::Ci => ci::run(),

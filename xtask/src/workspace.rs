@@ -1,9 +1,16 @@
 //! Where the workspace is, and programs that run in it.
 
+use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
 use cargo_metadata::{Metadata, MetadataCommand};
+
+/// The folder that this program was built from.
+pub(crate) fn root() -> Result<&'static Path> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    folder.parent().context("xtask has no parent")
+}
 
 /// The workspace around the current directory, without the packages it depends on.
 pub(crate) fn load() -> Result<Metadata> {

@@ -50,20 +50,29 @@ fn files(folder: &Path) -> Vec<String> {
 #[test]
 fn finished_cases_end_with_status_0_and_a_table() {
     let folder = tempfile::tempdir().unwrap();
-    let output = experiments(&["one"], &fixture("tests/small_fold.toml"), folder.path());
+    let output = experiments(
+        &["one", "--solver", "published", "--ensemble", "2"],
+        &fixture("tests/small_fold.toml"),
+        folder.path(),
+    );
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let table = text(&output.stdout);
     assert!(
         table.contains("4 nodes: 47 48 54 55") && table.contains("8 nodes"),
         "{table}"
     );
-    assert!(text(&output.stderr).contains("one done"));
+    let lines = text(&output.stderr);
+    assert!(lines.contains("one published done"), "{lines}");
+    assert!(
+        lines.contains("one published: 2 perturbed starts done"),
+        "{lines}"
+    );
     assert!(
         !table.contains('\u{1b}'),
         "no colours when the output is piped"
     );
     let quiet = experiments(
-        &["one", "--quiet"],
+        &["one", "--quiet", "--solver", "published"],
         &fixture("tests/small_fold.toml"),
         folder.path(),
     );
@@ -83,6 +92,85 @@ fn a_failed_case_ends_with_status_2_and_the_others_are_written() {
             "{name} is not in {files:?}"
         );
     }
+}
+
+/// The first two columns of the table, without its header.
+fn rows(out: &Path) -> Vec<String> {
+    let table = std::fs::read_to_string(out.join("table.csv")).unwrap();
+    let start = |line: &str| line.split(',').take(2).collect::<Vec<_>>().join(" ");
+    table.lines().skip(1).map(start).collect()
+}
+
+#[test]
+fn the_solver_is_chosen_and_both_are_the_default() {
+    let small = fixture("tests/small_fold.toml");
+    let chosen = |arguments: &[&str]| {
+        let folder = tempfile::tempdir().unwrap();
+        let output = experiments(arguments, &small, folder.path());
+        let error = text(&output.stderr);
+        // A case that fails on a solver is a row as well.
+        assert!(matches!(output.status.code(), Some(0 | 2)), "{error}");
+        let folders = ["published", "default"].map(|name| folder.path().join(name).is_dir());
+        (rows(folder.path()), folders)
+    };
+    let both = ["two published", "two default"].map(str::to_owned).to_vec();
+    let none = ["two", "--ensemble", "0"];
+    assert_eq!(chosen(&none), (both.clone(), [true, true]));
+    let solver = |name| chosen(&["two", "--ensemble", "1", "--solver", name]);
+    assert_eq!(solver("both"), (both.clone(), [true, true]));
+    assert_eq!(solver("published"), (both[..1].to_vec(), [true, false]));
+    assert_eq!(solver("default"), (both[1..].to_vec(), [false, true]));
+}
+
+#[test]
+fn numbers_out_of_bounds_are_refused_with_flag_and_bound() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    for (flag, value, bound) in [
+        ("--noise", "-1e-9", "from 0 to 0.001 m"),
+        ("--noise", "1", "from 0 to 0.001 m"),
+        ("--noise", "nan", "from 0 to 0.001 m"),
+        ("--ensemble", "1001", "0..=1000"),
+    ] {
+        let output = experiments(&[flag, value], &fixture("tests/small_fold.toml"), &out);
+        assert_eq!(output.status.code(), Some(2));
+        let message = text(&output.stderr);
+        for word in [flag, value, bound] {
+            assert!(message.contains(word), "{word} is not in {message}");
+        }
+        assert!(!out.exists());
+    }
+}
+
+#[test]
+fn the_bench_prints_a_row_a_case_and_solver_and_the_totals() {
+    let output = Command::new(XTASK)
+        .args(["bench-fold", "--repeats", "1", "--scenario"])
+        .arg(fixture("tests/small_fold.toml"))
+        .output()
+        .unwrap();
+    // One of the cases grasps nothing.
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+    let table = text(&output.stdout);
+    for word in [
+        "ms/step",
+        "Strain, rms",
+        "Shear",
+        "Gap",
+        "Held error",
+        "Unconverged",
+    ] {
+        assert!(table.contains(word), "{word} is not in {table}");
+    }
+    assert!(table.contains("misses published failed: gripper 1 closes on nothing"));
+    assert!(table.contains("x real time over 2 of 3 cases"), "{table}");
+    assert!(table.contains("One thread, median of 1") && table.contains("load average"));
+    let none = Command::new(XTASK)
+        .args(["bench-fold", "--repeats", "0"])
+        .output()
+        .unwrap();
+    assert_eq!(none.status.code(), Some(2));
+    assert!(text(&none.stderr).contains("--repeats"));
 }
 
 #[test]

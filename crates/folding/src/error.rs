@@ -88,7 +88,10 @@ pub enum Error {
         /// Why.
         reason: selvedge_math::SimulatorError,
     },
-    /// The solver refused the cloth.
+    /// The default solver refused the cloth.
+    #[error(transparent)]
+    Cloth(#[from] selvedge_cloth::Error),
+    /// The published scheme refused the cloth.
     #[error(transparent)]
     Published(#[from] selvedge_published::Error),
     /// A recording could not be made or written.

@@ -1,56 +1,83 @@
 //! All cases of a scenario: run side by side, compared, written.
 
+use std::fmt;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use selvedge_math::DVec3;
-
+use crate::compare::{Results, compare, curves};
+use crate::ensemble::run_member;
+use crate::expected::Expected;
 use crate::run::run;
-use crate::table::{Expected, Measured, Row};
-use crate::{Case, Error, Run, Scenario, Solver, Timing, files, fold_error, half_fold};
+use crate::table::Row;
+use crate::{Case, Error, Run, Scenario, Solver, Timing, files};
 
 /// What to run and where to write.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Names of cases; all of them if empty. A case's reference is run with it.
     pub cases: Vec<String>,
-    /// The cloth simulator.
-    pub solver: Solver,
+    /// The cloth simulators, each once; every case is run on each.
+    pub solvers: Vec<Solver>,
     /// The folder for the files, made if it is not there.
     pub out: PathBuf,
-    /// Cases that run at the same time.
+    /// Folds that run at the same time.
     pub jobs: usize,
+    /// How many times each case is run again from a perturbed start.
+    pub ensemble: usize,
+    /// How far a coordinate of a perturbed start may be from that of the sheet at rest [m].
+    pub noise: f64,
+}
+
+/// One fold: a case on a solver, as it is or as a member of its ensemble.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct FoldName<'a> {
+    /// The case.
+    pub case: &'a str,
+    /// The cloth simulator.
+    pub solver: Solver,
+    /// The member of the ensemble, from 1; 0 for the case as it is.
+    pub member: usize,
+}
+
+impl fmt::Display for FoldName<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.case, self.solver)?;
+        match self.member {
+            0 => Ok(()),
+            member => write!(f, " #{member}"),
+        }
+    }
 }
 
 /// What [`experiment`] tells while it works.
 #[derive(Clone, Copy, Debug)]
 pub enum Event<'a> {
-    /// A case is about to run.
+    /// A fold is about to run.
     Started {
-        /// Which case.
-        case: &'a str,
+        /// Which one.
+        fold: FoldName<'a>,
         /// How many steps it has.
         steps: usize,
     },
-    /// A step of a case is done.
+    /// A step of a fold is done.
     Step {
-        /// Which case.
-        case: &'a str,
+        /// Which one.
+        fold: FoldName<'a>,
         /// The step, from 0.
         step: usize,
     },
-    /// A case is done and its files are written.
+    /// A fold is done and its files are written.
     Finished {
-        /// Which case.
-        case: &'a str,
+        /// Which one.
+        fold: FoldName<'a>,
         /// Why it failed, if it did.
         failure: Option<&'a str>,
     },
 }
 
-/// A finished experiment: the rows in the order of the scenario.
+/// A finished experiment: the rows in the order of the scenario, for each case the solvers.
 #[derive(Clone, Debug)]
 pub struct Experiment {
     /// Rows with the times of the cases that ran to the end.
@@ -64,14 +91,16 @@ impl Experiment {
     }
 }
 
-/// Runs the cases, and writes for each its recording `SOLVER/CASE.npz` and its commands
-/// `SOLVER/CASE.commands.csv`, then `table.csv`, `table.md`, `curves.csv`, `curves.svg` and
-/// `timings.csv`. Only the last depends on the machine: the others are the same bytes whenever and
-/// with however many jobs they are made.
+type Observe<'a> = &'a (dyn Fn(Event<'_>) -> ControlFlow<()> + Sync);
+
+/// Runs the cases on each solver, and writes for each its recording `SOLVER/CASE.npz` and its
+/// commands `SOLVER/CASE.commands.csv`, then `table.csv`, `table.md`, `curves.csv`, `curves.svg`
+/// and `timings.csv`. Only the last depends on the machine: the others are the same bytes whenever
+/// and with however many jobs they are made.
 ///
 /// What an earlier experiment left under these names is removed first. A case that fails is a row
-/// with its reason; the others go on. `observe` is called from the
-/// running threads and stops the experiment when it breaks.
+/// with its reason; the others go on. Of the members of an ensemble only the error at the end is
+/// kept. `observe` is called from the running threads and stops the experiment when it breaks.
 ///
 /// # Errors
 /// [`Error::UnknownCase`], [`Error::Stopped`], and whatever prevents a file from being written.
@@ -80,50 +109,103 @@ pub fn experiment(
     scenario: &Scenario,
     expected: &Expected,
     options: &Options,
-    observe: &(dyn Fn(Event<'_>) -> ControlFlow<()> + Sync),
+    observe: Observe<'_>,
 ) -> Result<Experiment, Error> {
     let cases = chosen(scenario, &options.cases)?;
-    let folder = options.out.join(options.solver.name());
-    files::make_folder(&folder)?;
-    files::remove_old(&options.out, &folder, &cases)?;
+    for solver in &options.solvers {
+        let folder = options.out.join(solver.name());
+        files::make_folder(&folder)?;
+        files::remove_old(&options.out, &folder, &cases)?;
+    }
+    let on_each = |case| options.solvers.iter().map(move |&solver| (case, solver));
+    let pairs: Vec<(&Case, Solver)> = cases.into_iter().flat_map(on_each).collect();
 
-    let runs: Vec<Mutex<Option<Result<Run, Error>>>> =
-        cases.iter().map(|_| Mutex::new(None)).collect();
-    let next = AtomicUsize::new(0);
+    // All cases as they are, then all first members, and so on.
+    let runs = slots(pairs.len());
+    let ends = slots(pairs.len() * options.ensemble);
+    let (next, total) = (AtomicUsize::new(0), runs.len() + ends.len());
     let work = || {
-        while let Some((case, slot)) = {
-            let k = next.fetch_add(1, Ordering::Relaxed);
-            cases.get(k).zip(runs.get(k))
-        } {
-            let result = run_case(scenario, case, options, &folder, observe);
-            if matches!(&result, Err(error) if !is_row(error)) {
-                next.store(cases.len(), Ordering::Relaxed);
+        loop {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            if number >= total {
+                break;
             }
-            if let Ok(mut slot) = slot.lock() {
-                *slot = Some(result);
+            let ((case, solver), member) = (pairs[number % pairs.len()], number / pairs.len());
+            let fold = FoldName {
+                case: &case.name,
+                solver,
+                member,
+            };
+            let kept = match number.checked_sub(runs.len()) {
+                None => {
+                    let folder = options.out.join(solver.name());
+                    let result = told(fold, scenario, observe, |step| {
+                        run_case(scenario, case, solver, &folder, step)
+                    });
+                    keep(&runs[number], result)
+                }
+                Some(index) => {
+                    let noise = options.noise;
+                    let result = told(fold, scenario, observe, |step| {
+                        run_member(scenario, case, solver, member, noise, step)
+                    });
+                    keep(&ends[index], result)
+                }
+            };
+            if kept.is_break() {
+                next.store(total, Ordering::Relaxed);
             }
         }
     };
     std::thread::scope(|scope| {
-        for _ in 1..options.jobs.clamp(1, cases.len()) {
+        for _ in 1..options.jobs.min(total) {
             scope.spawn(work);
         }
         work();
     });
 
-    let mut finished = Vec::with_capacity(cases.len());
-    for slot in runs {
-        match slot.into_inner().ok().flatten() {
-            Some(Err(error)) if !is_row(&error) => return Err(error),
-            Some(result) => finished.push(result.map_err(|error| error.to_string())),
-            // Not begun, because another case's file could not be written: that error comes later.
-            None => finished.push(Err(Error::Stopped.to_string())),
-        }
-    }
-    let result = compare(scenario, &cases, &finished, expected);
+    let results = Results {
+        scenario,
+        pairs: &pairs,
+        runs: taken(runs)?,
+        ends: taken(ends)?,
+    };
+    let result = compare(&results, expected);
     files::write_tables(&options.out, &result.rows)?;
-    files::write_curves(&options.out, &curves(scenario, &cases, &finished))?;
+    files::write_curves(&options.out, &curves(&results, &options.solvers))?;
     Ok(result)
+}
+
+type Slot<T> = Mutex<Option<Result<T, Error>>>;
+
+fn slots<T>(number: usize) -> Vec<Slot<T>> {
+    (0..number).map(|_| Mutex::new(None)).collect()
+}
+
+/// Puts a result where it belongs, and says whether the other folds may go on.
+fn keep<T>(slot: &Slot<T>, result: Result<T, Error>) -> ControlFlow<()> {
+    let fatal = matches!(&result, Err(error) if !is_row(error));
+    if let Ok(mut slot) = slot.lock() {
+        *slot = Some(result);
+    }
+    match fatal {
+        true => ControlFlow::Break(()),
+        false => ControlFlow::Continue(()),
+    }
+}
+
+/// The results, with the reasons of those that failed.
+fn taken<T>(slots: Vec<Slot<T>>) -> Result<Vec<Result<T, String>>, Error> {
+    let mut results = Vec::with_capacity(slots.len());
+    for slot in slots {
+        results.push(match slot.into_inner().ok().flatten() {
+            Some(Err(error)) if !is_row(&error) => return Err(error),
+            Some(result) => result.map_err(|error| error.to_string()),
+            // Not begun, because another fold ended all: its error comes later.
+            None => Err(Error::Stopped.to_string()),
+        });
+    }
+    Ok(results)
 }
 
 /// Whether a failure concerns one case only.
@@ -134,6 +216,7 @@ fn is_row(error: &Error) -> bool {
             | Error::Taken { .. }
             | Error::Gripper { .. }
             | Error::Simulator { .. }
+            | Error::Cloth(_)
             | Error::Published(_)
             | Error::View(selvedge_view::Error::Value { .. })
     )
@@ -169,118 +252,39 @@ fn chosen<'a>(scenario: &'a Scenario, names: &[String]) -> Result<Vec<&'a Case>,
     Ok(scenario.cases.iter().filter(is_wanted).collect())
 }
 
+/// Does a fold's work and tells of it.
+fn told<T>(
+    fold: FoldName<'_>,
+    scenario: &Scenario,
+    observe: Observe<'_>,
+    work: impl FnOnce(&mut dyn FnMut(usize) -> ControlFlow<()>) -> Result<T, Error>,
+) -> Result<T, Error> {
+    let steps = scenario.steps;
+    if observe(Event::Started { fold, steps }).is_break() {
+        return Err(Error::Stopped);
+    }
+    let result = work(&mut |step| observe(Event::Step { fold, step }));
+    let failure = result.as_ref().err().map(Error::to_string);
+    let finished = Event::Finished {
+        fold,
+        failure: failure.as_deref(),
+    };
+    if observe(finished).is_break() {
+        return Err(Error::Stopped);
+    }
+    result
+}
+
 fn run_case(
     scenario: &Scenario,
     case: &Case,
-    options: &Options,
-    folder: &std::path::Path,
-    observe: &(dyn Fn(Event<'_>) -> ControlFlow<()> + Sync),
+    solver: Solver,
+    folder: &Path,
+    observe: &mut dyn FnMut(usize) -> ControlFlow<()>,
 ) -> Result<Run, Error> {
-    let name = case.name.as_str();
-    if observe(Event::Started {
-        case: name,
-        steps: scenario.steps,
-    })
-    .is_break()
-    {
-        return Err(Error::Stopped);
-    }
-    let step = |step| observe(Event::Step { case: name, step });
-    let result = run(scenario, case, options.solver, step);
-    if let Ok(run) = &result {
-        run.recording.write(folder.join(format!("{name}.npz")))?;
-        files::write_commands(folder, scenario, case)?;
-    }
-    let failure = result.as_ref().err().map(Error::to_string);
-    let told = observe(Event::Finished {
-        case: name,
-        failure: failure.as_deref(),
-    });
-    if told.is_break() {
-        Err(Error::Stopped)
-    } else {
-        result
-    }
-}
-
-fn compare(
-    scenario: &Scenario,
-    cases: &[&Case],
-    runs: &[Result<Run, String>],
-    expected: &Expected,
-) -> Experiment {
-    let diagonal = scenario.mesh.as_grid().diagonal();
-    let ideal = half_fold(&scenario.mesh, scenario.material.thickness);
-    let rows = cases.iter().zip(runs).map(|(case, result)| {
-        let measured = result.as_ref().map_err(String::clone).map(|run| {
-            let end = last_positions(run);
-            let mut support: Vec<u32> = run
-                .support
-                .iter()
-                .flatten()
-                .map(|&(node, _)| node)
-                .collect();
-            support.sort_unstable();
-            let reference = reference_of(case, cases, runs, &ideal);
-            Measured {
-                support,
-                error: reference.map(|reference| fold_error(end, reference, diagonal)),
-                half_fold_error: fold_error(end, &ideal, diagonal),
-                strain: [run.strain_max, run.strain_rms],
-                height: run.height,
-                held_error: run.held_error,
-                refused: run.refused.clone(),
-                unconverged_steps: run.unconverged_steps,
-                overstretched: run.overstretch.is_some(),
-            }
-        });
-        let timing = result.as_ref().ok().map(|run| run.timing);
-        (Row::new(case, expected, measured), timing)
-    });
-    Experiment {
-        rows: rows.collect(),
-    }
-}
-
-fn last_positions(run: &Run) -> &[DVec3] {
-    run.recording.positions(run.recording.frame_count() - 1)
-}
-
-/// What a case is measured against: the end of its reference case, or the analytic half fold.
-fn reference_of<'a>(
-    case: &Case,
-    cases: &[&Case],
-    runs: &'a [Result<Run, String>],
-    ideal: &'a [DVec3],
-) -> Option<&'a [DVec3]> {
-    let Some(name) = &case.reference else {
-        return Some(ideal);
-    };
-    let index = cases.iter().position(|other| other.name == *name)?;
-    runs[index].as_ref().ok().map(last_positions)
-}
-
-/// `E(t)` of every finished case, from the first step on.
-fn curves(
-    scenario: &Scenario,
-    cases: &[&Case],
-    runs: &[Result<Run, String>],
-) -> Vec<(String, Vec<(f64, f64)>)> {
-    let diagonal = scenario.mesh.as_grid().diagonal();
-    let ideal = half_fold(&scenario.mesh, scenario.material.thickness);
-    let mut curves = Vec::new();
-    for (case, run) in cases.iter().zip(runs) {
-        let (Ok(run), Some(reference)) = (run, reference_of(case, cases, runs, &ideal)) else {
-            continue;
-        };
-        let recording = &run.recording;
-        let points = recording.times().iter().enumerate().map(|(row, &time)| {
-            (
-                time,
-                fold_error(recording.positions(row), reference, diagonal),
-            )
-        });
-        curves.push((case.name.clone(), points.collect()));
-    }
-    curves
+    let run = run(scenario, case, solver, observe)?;
+    let file = folder.join(format!("{}.npz", case.name));
+    run.recording.write(file)?;
+    files::write_commands(folder, scenario, case)?;
+    Ok(run)
 }

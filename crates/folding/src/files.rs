@@ -86,7 +86,7 @@ pub(crate) fn write_tables(folder: &Path, rows: &[(Row, Option<Timing>)]) -> Res
         Ok(write_csv(&only_rows, writer)?)
     })?;
     write_whole(folder.join("table.md"), |writer| {
-        Ok(writer.write_all(markdown(&only_rows).as_bytes())?)
+        Ok(writer.write_all(markdown(rows).as_bytes())?)
     })?;
     write_whole(folder.join("timings.csv"), |writer| {
         Ok(write_timings(rows, writer)?)

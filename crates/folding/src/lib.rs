@@ -1,19 +1,31 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+mod bench;
+mod compare;
+mod ensemble;
 mod error;
+mod expected;
 mod experiment;
 mod files;
+mod fold;
 mod metric;
 mod run;
 mod scenario;
 mod solver;
 mod table;
+mod timing;
+mod worst;
 
+pub use bench::{Bench, BenchRow, bench};
+pub use ensemble::Ensemble;
 pub use error::Error;
-pub use experiment::{Event, Experiment, Options, experiment};
+pub use expected::Expected;
+pub use experiment::{Event, Experiment, FoldName, Options, experiment};
 pub use metric::{fold_error, half_fold};
-pub use run::{Run, Timing, run};
+pub use run::{Run, run};
 pub use scenario::{Case, GripperPlan, Scenario};
 pub use solver::Solver;
-pub use table::{Expected, Measured, Row, terminal};
+pub use table::{Measured, Row, terminal};
+pub use timing::Timing;
+pub use worst::Worst;

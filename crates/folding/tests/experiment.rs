@@ -5,22 +5,35 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use selvedge_folding::{Error, Event, Expected, Experiment, Options, Scenario, Solver, experiment};
+use selvedge_folding::{
+    Error, Event, Expected, Experiment, FoldName, Options, Scenario, Solver, experiment,
+};
 use selvedge_view::Recording;
 
 const SMALL: &str = include_str!("../../../fixtures/tests/small_fold.toml");
 
-fn run_to(out: &Path, cases: &[&str], jobs: usize) -> Result<Experiment, Error> {
-    let scenario = Scenario::parse(SMALL, "small", "small.toml")?;
-    let options = Options {
+/// The cases on the published scheme, one at a time and without ensembles.
+fn options(out: &Path, cases: &[&str]) -> Options {
+    Options {
         cases: cases.iter().map(|&name| name.to_owned()).collect(),
-        solver: Solver::Published,
+        solvers: vec![Solver::Published],
         out: out.to_owned(),
-        jobs,
-    };
-    experiment(&scenario, &Expected::default(), &options, &|_| {
+        jobs: 1,
+        ensemble: 0,
+        noise: 1e-9,
+    }
+}
+
+/// The small scenario.
+fn run_with(options: &Options) -> Result<Experiment, Error> {
+    let scenario = Scenario::parse(SMALL, "small", "small.toml")?;
+    experiment(&scenario, &Expected::default(), options, &|_| {
         ControlFlow::Continue(())
     })
+}
+
+fn run_to(out: &Path, cases: &[&str]) -> Result<Experiment, Error> {
+    run_with(&options(out, cases))
 }
 
 /// Every file below a folder, by its path in it.
@@ -49,7 +62,13 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 fn files_are_the_same_bytes_with_any_number_of_jobs() {
     let made = |jobs| {
         let folder = tempfile::tempdir().unwrap();
-        run_to(folder.path(), &[], jobs).unwrap();
+        let options = Options {
+            jobs,
+            ensemble: 3,
+            noise: 1e-4,
+            ..options(folder.path(), &[])
+        };
+        run_with(&options).unwrap();
         let mut files = files(folder.path());
         assert!(files.remove("timings.csv").is_some());
         files
@@ -76,9 +95,142 @@ fn files_are_the_same_bytes_with_any_number_of_jobs() {
 }
 
 #[test]
+fn an_ensemble_is_measured_against_the_unperturbed_reference() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |cases: &[&str], ensemble, noise| {
+        let options = Options {
+            jobs: 2,
+            ensemble,
+            noise,
+            ..options(folder.path(), cases)
+        };
+        run_with(&options).unwrap().rows
+    };
+    let rows = run(&[], 5, 1e-4);
+    let ensemble = rows[0].0.ensemble().unwrap();
+    assert_eq!((ensemble.errors.len(), ensemble.failures), (5, 0));
+    let [min, max] = ensemble.range().unwrap();
+    let median = ensemble.median().unwrap();
+    assert!(min < median && median < max, "{:?}", ensemble.errors);
+    // A tenth of a millimetre of noise shows, but it is the same fold.
+    let error = rows[0].0.outcome.as_ref().unwrap().error.unwrap();
+    assert!((median - error).abs() < 0.02, "{median} instead of {error}");
+    let table = std::fs::read_to_string(folder.path().join("table.csv")).unwrap();
+    assert!(
+        table.contains(&format!(",5,{median},{min},{max},0,")),
+        "{table}"
+    );
+
+    // A case that fails has no ensemble, and none is asked for with zero members.
+    assert!(rows[2].0.ensemble().is_none());
+    assert!(run(&["two"], 0, 1e-4)[0].0.ensemble().is_none());
+    // The starts belong to the case and the member: fewer cases or members are the same folds.
+    let fewer = run(&["one"], 5, 1e-4);
+    assert_eq!(fewer[0].0.ensemble(), Some(ensemble));
+    let first = run(&["one"], 1, 1e-4)[0].0.ensemble().unwrap().errors[0];
+    assert!(ensemble.errors.contains(&first));
+    // Less noise, less spread.
+    let [low, high] = run(&["one"], 5, 1e-7)[0]
+        .0
+        .ensemble()
+        .unwrap()
+        .range()
+        .unwrap();
+    assert!(high - low < max - min);
+}
+
+#[test]
+fn the_solvers_of_a_case_are_rows_one_after_the_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = Options {
+        solvers: vec![Solver::Published, Solver::Default],
+        ..options(folder.path(), &["one"])
+    };
+    let scenario = Scenario::parse(SMALL, "small", "small.toml").unwrap();
+    let expected = Expected {
+        source: "a book".to_owned(),
+        error: [("one".to_owned(), 0.5)].into(),
+    };
+    let go_on = |_: Event<'_>| ControlFlow::Continue(());
+    let result = experiment(&scenario, &expected, &options, &go_on).unwrap();
+    let rows: Vec<_> = result.rows.iter().map(|(row, _)| row).collect();
+    let names: Vec<_> = rows
+        .iter()
+        .map(|row| (row.case.as_str(), row.solver))
+        .collect();
+    assert_eq!(
+        names,
+        [
+            ("one", Solver::Published),
+            ("one", Solver::Default),
+            ("two", Solver::Published),
+            ("two", Solver::Default),
+        ]
+    );
+    // What the paper prints is compared with its own scheme only.
+    assert_eq!((rows[0].published, rows[1].published), (Some(0.5), None));
+    assert!(rows[0].difference().is_some() && rows[1].difference().is_none());
+
+    let table = std::fs::read_to_string(folder.path().join("table.csv")).unwrap();
+    let starts: Vec<String> = table
+        .lines()
+        .map(|line| line.splitn(3, ',').take(2).collect::<Vec<_>>().join(","))
+        .collect();
+    assert_eq!(
+        starts,
+        [
+            "case,solver",
+            "one,published",
+            "one,default",
+            "two,published",
+            "two,default"
+        ]
+    );
+    // For people a line a case, both solvers in it.
+    let table = std::fs::read_to_string(folder.path().join("table.md")).unwrap();
+    let lines: Vec<&str> = table.lines().filter(|line| line.starts_with('|')).collect();
+    assert_eq!(lines.len(), 4, "{table}");
+    let header: Vec<&str> = lines[0].split('|').map(str::trim).collect();
+    assert_eq!(
+        header[1..10],
+        [
+            "Case",
+            "Support",
+            "Volume",
+            "Orientation",
+            "Paper",
+            "Published",
+            "Published - paper",
+            "Default",
+            "Published: strain",
+        ]
+    );
+    let curves = std::fs::read_to_string(folder.path().join("curves.csv")).unwrap();
+    assert!(
+        curves.starts_with("t,one published,two published"),
+        "{curves}"
+    );
+}
+
+#[test]
+fn a_recording_says_what_its_solver_was_told_and_no_more() {
+    let scenario = Scenario::parse(SMALL, "small", "small.toml").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    run_to(folder.path(), &["two"]).unwrap();
+    let recording = Recording::read(folder.path().join("published/two.npz")).unwrap();
+    let meta: serde_json::Value = serde_json::from_str(recording.meta()).unwrap();
+    let case = scenario.case("two").unwrap();
+    assert_eq!(meta["solver"], "published");
+    assert_eq!(meta["input_sha256"], case.input_hash(Solver::Published));
+    assert_eq!(meta["settings"]["substeps"], 6);
+    assert_eq!(meta["material"]["bending"], 2.5e-5);
+    assert!(meta["material"].get("shear").is_none());
+}
+
+#[test]
 fn a_case_that_grasps_nothing_is_a_row_with_its_reason() {
     let folder = tempfile::tempdir().unwrap();
-    let result = run_to(folder.path(), &[], 2).unwrap();
+    let result = run_to(folder.path(), &[]).unwrap();
     assert!(!result.complete());
     let outcome = |k: usize| &result.rows[k].0.outcome;
     assert_eq!(outcome(0).as_ref().unwrap().support, [47, 48, 54, 55]);
@@ -96,15 +248,12 @@ fn a_case_that_grasps_nothing_is_a_row_with_its_reason() {
 /// The small scenario with other text.
 fn run_text(text: &str, out: &Path, cases: &[&str]) -> Result<Experiment, Error> {
     let scenario = Scenario::parse(text, "small", "small.toml")?;
-    let options = Options {
-        cases: cases.iter().map(|&name| name.to_owned()).collect(),
-        solver: Solver::Published,
-        out: out.to_owned(),
-        jobs: 1,
-    };
-    experiment(&scenario, &Expected::default(), &options, &|_| {
-        ControlFlow::Continue(())
-    })
+    experiment(
+        &scenario,
+        &Expected::default(),
+        &options(out, cases),
+        &|_| ControlFlow::Continue(()),
+    )
 }
 
 #[test]
@@ -137,7 +286,7 @@ fn references_of_references_run_too() {
 #[test]
 fn nothing_of_an_earlier_run_stays() {
     let folder = tempfile::tempdir().unwrap();
-    run_to(folder.path(), &["two"], 1).unwrap();
+    run_to(folder.path(), &["two"]).unwrap();
     assert!(files(folder.path()).contains_key("published/two.npz"));
     // The same cases, but the grippers close 5 cm above the sheet.
     let text = SMALL.replace(
@@ -169,7 +318,7 @@ fn a_lag_behind_the_targets_is_measured_against_what_was_asked_for() {
     // 0.14 m in 0.1 s is faster than the move limit of the published scheme.
     let text = SMALL.replace("open_s = 0.6", "open_s = 0.3");
     let result = run_text(&text, folder.path(), &["one"]).unwrap();
-    let lag = result.rows[0].0.outcome.as_ref().unwrap().held_error;
+    let lag = result.rows[0].0.outcome.as_ref().unwrap().worst.held_error;
     assert!(lag > 0.05, "{lag}");
 }
 
@@ -177,7 +326,7 @@ fn a_lag_behind_the_targets_is_measured_against_what_was_asked_for() {
 fn a_reference_runs_with_its_case_and_only_then() {
     let folder = tempfile::tempdir().unwrap();
     let names = |cases: &[&str]| {
-        let result = run_to(folder.path(), cases, 1).unwrap();
+        let result = run_to(folder.path(), cases).unwrap();
         result
             .rows
             .into_iter()
@@ -186,9 +335,7 @@ fn a_reference_runs_with_its_case_and_only_then() {
     };
     assert_eq!(names(&["one"]), ["one", "two"]);
     assert_eq!(names(&["two"]), ["two"]);
-    let error = run_to(folder.path(), &["three"], 1)
-        .unwrap_err()
-        .to_string();
+    let error = run_to(folder.path(), &["three"]).unwrap_err().to_string();
     assert_eq!(
         error,
         "case three is not in small, which has one, two, misses"
@@ -198,7 +345,7 @@ fn a_reference_runs_with_its_case_and_only_then() {
 #[test]
 fn two_grippers_are_recorded_side_by_side() {
     let folder = tempfile::tempdir().unwrap();
-    run_to(folder.path(), &["two"], 1).unwrap();
+    run_to(folder.path(), &["two"]).unwrap();
     let recording = Recording::read(folder.path().join("published/two.npz")).unwrap();
     assert_eq!(
         (recording.frame_count(), recording.gripper_count()),
@@ -224,15 +371,10 @@ fn two_grippers_are_recorded_side_by_side() {
 fn stopping_leaves_whole_files_only() {
     let scenario = Scenario::parse(SMALL, "small", "small.toml").unwrap();
     let folder = tempfile::tempdir().unwrap();
-    let options = Options {
-        cases: Vec::new(),
-        solver: Solver::Published,
-        out: folder.path().to_owned(),
-        jobs: 1,
-    };
+    let options = options(folder.path(), &[]);
     let stop_in_the_second = |event: Event<'_>| match event {
         Event::Step {
-            case: "two",
+            fold: FoldName { case: "two", .. },
             step: 20,
         } => ControlFlow::Break(()),
         _ => ControlFlow::Continue(()),
@@ -255,7 +397,7 @@ fn a_folder_that_cannot_be_made_is_named_before_anything_runs() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("file");
     std::fs::write(&file, "in the way").unwrap();
-    let error = run_to(&file.join("out"), &[], 1).unwrap_err();
+    let error = run_to(&file.join("out"), &[]).unwrap_err();
     assert!(matches!(error, Error::File { .. }));
     assert!(error.to_string().contains("file/out/published"), "{error}");
     assert_eq!(std::fs::read(&file).unwrap(), b"in the way");

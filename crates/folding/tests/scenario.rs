@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use selvedge_folding::Scenario;
+use selvedge_folding::{Scenario, Solver};
 
 fn scenario_file(name: &str) -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/scenarios");
@@ -76,6 +76,40 @@ const VALUES: &[(&str, &str, &[&str])] = &[
         "density_kg_per_m2 = 0.3046",
         "density_kg_per_m2 = 0",
         &["cloth.density_kg_per_m2", "0"],
+    ),
+    (
+        "bending_n_m = 2.5e-5",
+        "bending_n_m = 2.5e-5\nshear_n_per_m = -1.0",
+        &["cloth.shear_n_per_m", "-1", "from 0"],
+    ),
+    (
+        "bending_n_m = 2.5e-5",
+        "bending_n_m = 2.5e-5\ninternal_damping_s = 2.0",
+        &["cloth.internal_damping_s", "2", "from 0 to 1"],
+    ),
+    (
+        "[solver.published]",
+        "[solver.default]\nsubstep_s = 0.0\n[solver.published]",
+        &["solver.default.substep_s", "0", "above 0 and at most 1"],
+    ),
+    (
+        "[solver.published]",
+        "[solver.default]\nsubstep_s = 1e-7\n[solver.published]",
+        &[
+            "solver.default.substep_s",
+            "0.0000001",
+            "at least frame_s / 10000",
+        ],
+    ),
+    (
+        "[solver.published]",
+        "[solver.default]\ntolerance = nan\n[solver.published]",
+        &["solver.default.tolerance", "NaN", "above 0 and at most 1"],
+    ),
+    (
+        "[solver.published]",
+        "[solver.default]\niterations = 0\n[solver.published]",
+        &["solver.default.iterations", "0", "from 1 to 10000"],
     ),
     (
         "substeps = 6",
@@ -223,6 +257,21 @@ const KEYS: &[(&str, &str, &[&str])] = &[
         &["sphere", "pyramid"],
     ),
     ("substeps = 6", "substeps = 6.5", &["6.5", "u32"]),
+    (
+        "[solver.published]",
+        "[solver.default]\nsubsteps = 2\n[solver.published]",
+        &["substeps", "substep_s"],
+    ),
+    (
+        "[solver.published]",
+        "[solver.default]\niterations = -2\n[solver.published]",
+        &["-2", "u32"],
+    ),
+    (
+        "[solver.published]",
+        "[solver.fast]",
+        &["fast", "default", "published"],
+    ),
     ("substeps = 6", "substep = 6", &["substep", "substeps"]),
     ("close_s = 1.0\n", "", &["close_s", "missing"]),
     ("start_node = 643\n", "", &["case C1", "start_node"]),
@@ -274,21 +323,93 @@ fn a_missing_file_is_named() {
     assert!(error.starts_with("nowhere/fold.toml: "), "{error}");
 }
 
+fn hash(text: &str, case: usize, solver: Solver) -> String {
+    let scenario = Scenario::parse(text, "name", "file").unwrap();
+    scenario.cases[case].input_hash(solver).to_owned()
+}
+
 #[test]
 fn the_hash_follows_what_a_case_depends_on() {
     let text = scenario_file("corner_fold.toml");
-    let hash = |text: &str, case: usize| {
-        Scenario::parse(text, "name", "file").unwrap().cases[case]
-            .input_hash
-            .clone()
-    };
     let commented = text.replace("schema = 1", "# a remark\nschema   = 1");
     let softer = text.replace("bending_n_m = 2.5e-5", "bending_n_m = 2.6e-5");
     let other_case = text.replacen("[0.0, 0.0, 0.01]", "[0.0, 0.0, 0.011]", 1);
-    assert_eq!(hash(&text, 0).len(), 64);
-    assert_eq!(hash(&text, 0), hash(&commented, 0));
-    assert_ne!(hash(&text, 0), hash(&text, 1));
-    assert_ne!(hash(&text, 0), hash(&softer, 0));
-    assert_ne!(hash(&text, 0), hash(&other_case, 0));
-    assert_eq!(hash(&text, 1), hash(&other_case, 1));
+    for solver in [Solver::Published, Solver::Default] {
+        let hash = |text, case| hash(text, case, solver);
+        assert_eq!(hash(&text, 0).len(), 64);
+        assert_eq!(hash(&text, 0), hash(&commented, 0));
+        assert_ne!(hash(&text, 0), hash(&text, 1));
+        assert_ne!(hash(&text, 0), hash(&softer, 0));
+        assert_ne!(hash(&text, 0), hash(&other_case, 0));
+        assert_eq!(hash(&text, 1), hash(&other_case, 1));
+    }
+    let [published, default] =
+        [Solver::Published, Solver::Default].map(|solver| hash(&text, 0, solver));
+    assert_ne!(published, default);
+}
+
+#[test]
+fn the_hash_of_a_solver_does_not_depend_on_the_other() {
+    let text = scenario_file("corner_fold.toml");
+    let with = |old: &str, new: &str| {
+        assert!(text.contains(old));
+        let changed = text.replacen(old, new, 1);
+        [Solver::Published, Solver::Default]
+            .map(|solver| hash(&changed, 0, solver) != hash(&text, 0, solver))
+    };
+    let solver = |line: &str| {
+        let table = format!("[solver.default]\n{line}\n[solver.published]");
+        with("[solver.published]", &table)
+    };
+    let cloth = |line: &str| with("[cloth]", &format!("[cloth]\n{line}"));
+    assert_eq!(with("move_limit = 0.1", "move_limit = 0.2"), [true, false]);
+    assert_eq!(solver("substep_s = 0.001"), [false, true]);
+    assert_eq!(solver("tolerance = 2e-5"), [false, true]);
+    assert_eq!(solver("iterations = 21"), [false, true]);
+    assert_eq!(cloth("shear_n_per_m = 41.0"), [false, true]);
+    assert_eq!(cloth("internal_damping_s = 0.0"), [false, true]);
+    // What is left out has its default value.
+    let material = selvedge_cloth::Material::default();
+    let shear = format!("shear_n_per_m = {}", material.shear);
+    assert_eq!(cloth(&shear), [false, false]);
+    assert_eq!(solver(""), [false, false]);
+}
+
+#[test]
+fn the_keys_of_the_default_solver_arrive_and_are_optional() {
+    let text = scenario_file("corner_fold.toml");
+    let scenario = Scenario::parse(&text, "name", "file").unwrap();
+    assert_eq!(
+        scenario.material.shear,
+        selvedge_cloth::Material::default().shear
+    );
+    let standard = selvedge_cloth::Settings::default();
+    assert_eq!(scenario.default.tolerance, standard.tolerance);
+    assert_eq!(scenario.default.gravity, 9.8);
+
+    let text = text
+        .replace("[cloth]", "[cloth]\nshear_n_per_m = 12.0\ninternal_damping_s = 0.25")
+        .replace("gravity_m_per_s2 = 9.8", "gravity_m_per_s2 = 1.6")
+        .replace(
+            "[solver.published]",
+            "[solver.default]\nsubstep_s = 0.005\ntolerance = 1e-3\niterations = 7\n[solver.published]",
+        );
+    let scenario = Scenario::parse(&text, "name", "file").unwrap();
+    let (material, settings) = (scenario.material, scenario.default);
+    assert_eq!((material.shear, material.internal_damping), (12.0, 0.25));
+    assert_eq!((settings.substep, settings.tolerance), (0.005, 1e-3));
+    assert_eq!((settings.iterations, settings.gravity), (7, 1.6));
+    assert_eq!(scenario.published.gravity, 1.6);
+}
+
+#[test]
+fn a_step_is_cut_into_the_fewest_substeps_that_are_short_enough() {
+    let text = scenario_file("corner_fold.toml");
+    let mut scenario = Scenario::parse(&text, "name", "file").unwrap();
+    assert_eq!(Solver::Published.substeps(&scenario), 6);
+    let steps = [(1.0, 1), (1.0 / 60.0, 1), (1.0 / 120.0, 2), (0.005, 4)];
+    for (substep, number) in steps {
+        scenario.default.substep = substep;
+        assert_eq!(Solver::Default.substeps(&scenario), number, "{substep}");
+    }
 }

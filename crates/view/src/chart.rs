@@ -1,5 +1,6 @@
 //! Line charts as SVG: the only file that names plotters.
 
+use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 
 use crate::Error;
@@ -29,6 +30,10 @@ const COLOURS: [RGBColor; 8] = [
     RGBColor(204, 121, 167),
     RGBColor(150, 140, 20),
 ];
+
+/// Length of a dash and of the gap after it [pixels]; lines beyond the eighth are dashed.
+const DASH: u32 = 6;
+const GAP: u32 = 4;
 
 /// The axis shows so many decades below the largest value at most.
 const DECADES: i32 = 4;
@@ -78,10 +83,18 @@ impl Chart<'_> {
         for (number, (name, points)) in self.series.iter().enumerate() {
             let style = COLOURS[number % COLOURS.len()].stroke_width(2);
             let line = points.iter().copied().filter(|p| p.1 >= floor);
-            chart
-                .draw_series(LineSeries::new(line, style))?
-                .label(name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 22, y)], style));
+            let key = |(x, y): (i32, i32)| [(x, y), (x + 22, y)];
+            if number < COLOURS.len() {
+                chart
+                    .draw_series(LineSeries::new(line, style))?
+                    .label(name)
+                    .legend(move |at| PathElement::new(key(at), style));
+            } else {
+                chart
+                    .draw_series(DashedLineSeries::new(line, DASH, GAP, style))?
+                    .label(name)
+                    .legend(move |at| DashedPathElement::new(key(at), DASH, GAP, style));
+            }
         }
         chart
             .configure_series_labels()
@@ -98,6 +111,27 @@ impl Chart<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lines_beyond_the_eighth_are_dashed() {
+        let line = |number: usize| {
+            let points = vec![(0.0, 0.1), (1.0, 0.2 * (number + 1) as f64)];
+            (format!("line {number}"), points)
+        };
+        let lines: Vec<_> = (0..9).map(line).collect();
+        let elements = |count: usize| {
+            let chart = Chart {
+                title: "T",
+                x_label: "t [s]",
+                y_label: "E",
+                series: &lines[..count],
+            };
+            chart.svg().unwrap().matches("<polyline").count()
+        };
+        // A line and its key, or many dashes.
+        let before = elements(8) - elements(7);
+        assert!(elements(9) - elements(8) > 20 * before);
+    }
 
     #[test]
     fn draws_every_line_and_leaves_out_zeros() {

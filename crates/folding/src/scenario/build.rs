@@ -1,17 +1,15 @@
 //! From the tables of a file to a scenario, each value checked on the way.
 
-use selvedge_cloth::{Material, Mesh};
+use selvedge_cloth::Mesh;
 use selvedge_grasp::{GraspVolume, Gripper, Shape, Squeeze};
 use selvedge_math::DVec3;
-use selvedge_published::Settings;
 use selvedge_trajectory::{FoldTimes, Law, Orientation, QuadBezier, Schedule, Sweep};
 use selvedge_view::MAX_BYTES;
-use sha2::{Digest, Sha256};
 
 use super::check::Check;
 use super::tables::{
-    CaseTable, ClothTable, File, GripperTable, LawKey, OrientationKey, PathTable, PublishedTable,
-    SqueezeTable, TimeTable, TipConvention, VolumeTable,
+    CaseTable, File, GripperTable, LawKey, OrientationKey, PathTable, SqueezeTable, TimeTable,
+    TipConvention, VolumeTable,
 };
 use super::{Case, GripperPlan, ROUNDED, Scenario};
 use crate::Error;
@@ -22,8 +20,6 @@ const MAX_STEPS: f64 = 1e6;
 const MAX_GRIPPERS: usize = 255;
 /// A side of a volume or a tip offset [m]: larger ones are another unit.
 const MAX_TOOL: f64 = 1.0;
-/// A side of a sheet or a length in a path [m]: larger ones are another unit.
-const MAX_LENGTH: f64 = 100.0;
 
 /// What the arrays of a recording hold, up to a few rows.
 fn recording_bytes(steps: usize, nodes: usize, grippers: usize) -> u64 {
@@ -40,11 +36,10 @@ impl File {
         }
         let mesh = self.cloth.mesh(check)?;
         let material = self.cloth.material(check)?;
-        let published = self
-            .solver
-            .published
-            .settings(self.cloth.gravity_m_per_s2, check)?;
+        let gravity = self.cloth.gravity_m_per_s2;
+        let published = self.solver.published.settings(gravity, check)?;
         let steps = self.time.steps(check)?;
+        let default = self.solver.default.settings(gravity, &self.time, check)?;
         self.path.check(check)?;
         self.squeeze.check(check)?;
         if self.case.is_empty() {
@@ -68,6 +63,7 @@ impl File {
             mesh,
             material,
             published,
+            default,
             frame: self.time.frame_s,
             times: self.time.times(),
             steps,
@@ -117,14 +113,16 @@ impl File {
             };
             grippers.push(self.plan(table, mesh, &place, check)?);
         }
+        let unwritable = |error: serde_json::Error| Error::Syntax {
+            file: check.file.to_owned(),
+            message: format!("case {name}: {error}"),
+        };
         Ok(Case {
             name: name.clone(),
             grippers,
             reference: case.reference.clone(),
-            input_hash: self.hash(case).map_err(|error| Error::Syntax {
-                file: check.file.to_owned(),
-                message: format!("case {name}: {error}"),
-            })?,
+            published_hash: self.published_hash(case).map_err(unwritable)?,
+            default_hash: self.default_hash(case).map_err(unwritable)?,
         })
     }
 
@@ -236,87 +234,6 @@ impl File {
             schedule: Schedule::fold(sweep, law, self.time.times())?,
             tip_offset,
         })
-    }
-
-    /// Over what the case depends on, in the order of the file, numbers in shortest form.
-    fn hash(&self, case: &CaseTable) -> Result<String, serde_json::Error> {
-        let inputs = (
-            &self.cloth,
-            &self.solver.published,
-            &self.time,
-            &self.path,
-            &self.squeeze,
-            case,
-        );
-        let text = serde_json::to_string(&inputs)?;
-        let digest = Sha256::digest(text);
-        Ok(digest.iter().map(|byte| format!("{byte:02x}")).collect())
-    }
-}
-
-impl ClothTable {
-    fn mesh(&self, check: &Check<'_>) -> Result<Mesh, Error> {
-        for side in self.sides_m {
-            check.above("cloth.sides_m", side, 0.0, MAX_LENGTH)?;
-        }
-        let [na, nb] = self.nodes;
-        // Recordings hold every node at every step.
-        const MAX_NODES: i64 = 100_000;
-        if na < 2 || nb < 2 || na.saturating_mul(nb) > MAX_NODES {
-            let bound = format!("at least 2 each and at most {MAX_NODES} in all");
-            return Err(check.value("cloth.nodes", format!("[{na}, {nb}]"), bound));
-        }
-        Mesh::grid(self.nodes.map(|n| n as usize), self.sides_m).map_err(|error| Error::Syntax {
-            file: check.file.to_owned(),
-            message: error.to_string(),
-        })
-    }
-
-    fn material(&self, check: &Check<'_>) -> Result<Material, Error> {
-        check.above("cloth.density_kg_per_m2", self.density_kg_per_m2, 0.0, 1e3)?;
-        let delta = self.gravitational_density_kg_per_m2;
-        check.above("cloth.gravitational_density_kg_per_m2", delta, 0.0, 1e3)?;
-        check.within(
-            "cloth.damping_kg_per_m2_s",
-            self.damping_kg_per_m2_s,
-            0.0,
-            1e6,
-        )?;
-        check.within("cloth.bending_n_m", self.bending_n_m, 0.0, 1e3)?;
-        check.within("cloth.friction_table", self.friction_table, 0.0, 1e3)?;
-        check.within("cloth.friction_cloth", self.friction_cloth, 0.0, 1e3)?;
-        check.above("cloth.thickness_m", self.thickness_m, 0.0, 1.0)?;
-        check.within("cloth.gravity_m_per_s2", self.gravity_m_per_s2, 0.0, 1e3)?;
-        Ok(Material {
-            density: self.density_kg_per_m2,
-            gravitational_density: delta,
-            damping: self.damping_kg_per_m2_s,
-            bending: self.bending_n_m,
-            friction_table: self.friction_table,
-            friction_cloth: self.friction_cloth,
-            thickness: self.thickness_m,
-            ..Material::default()
-        })
-    }
-}
-
-impl PublishedTable {
-    fn settings(&self, gravity: f64, check: &Check<'_>) -> Result<Settings, Error> {
-        let settings = Settings {
-            substeps: self.substeps,
-            tolerance: self.tolerance,
-            compliance_stretch: self.compliance_stretch,
-            compliance_shear: self.compliance_shear,
-            compliance_contact: self.compliance_contact,
-            thickness_factor: self.thickness_factor,
-            move_limit: self.move_limit,
-            gravity,
-        };
-        settings.check().map_err(|error| Error::Syntax {
-            file: check.file.to_owned(),
-            message: format!("solver.published: {error}"),
-        })?;
-        Ok(settings)
     }
 }
 

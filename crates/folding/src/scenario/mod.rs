@@ -2,6 +2,8 @@
 
 mod build;
 mod check;
+mod cloth;
+mod hash;
 mod tables;
 
 use std::path::Path;
@@ -9,10 +11,9 @@ use std::path::Path;
 use selvedge_cloth::{Material, Mesh};
 use selvedge_grasp::Gripper;
 use selvedge_math::DVec3;
-use selvedge_published::Settings;
 use selvedge_trajectory::{FoldTimes, Schedule};
 
-use crate::Error;
+use crate::{Error, Solver};
 
 /// A time is on a border when it is so near, in steps.
 const ROUNDED: f64 = 1e-6;
@@ -27,7 +28,9 @@ pub struct Scenario {
     /// What it is made of.
     pub material: Material,
     /// Settings of the published scheme, gravity included.
-    pub published: Settings,
+    pub published: selvedge_published::Settings,
+    /// Settings of the default solver, gravity included.
+    pub default: selvedge_cloth::Settings,
     /// Period of the commands [s].
     pub frame: f64,
     /// When the jaws close, the grippers move, the jaws open, and all ends [s].
@@ -47,8 +50,19 @@ pub struct Case {
     pub grippers: Vec<GripperPlan>,
     /// The case whose end is the ideal fold; none for the analytic half fold.
     pub reference: Option<String>,
-    /// SHA-256 over everything in the file that this case depends on, in hexadecimal.
-    pub input_hash: String,
+    published_hash: String,
+    default_hash: String,
+}
+
+impl Case {
+    /// SHA-256 over everything in the file that this case depends on when it runs on the solver,
+    /// in hexadecimal.
+    pub fn input_hash(&self, solver: Solver) -> &str {
+        match solver {
+            Solver::Published => &self.published_hash,
+            Solver::Default => &self.default_hash,
+        }
+    }
 }
 
 /// What one gripper does.

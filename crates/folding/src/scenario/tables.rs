@@ -1,6 +1,6 @@
 //! The scenario file as it is written; every key is described in docs/SCENARIOS.md.
 
-use selvedge_published::Settings;
+use selvedge_cloth::Material;
 use serde::{Deserialize, Serialize};
 
 #[derive(Deserialize)]
@@ -25,17 +25,54 @@ pub(super) struct ClothTable {
     pub(super) gravitational_density_kg_per_m2: f64,
     pub(super) damping_kg_per_m2_s: f64,
     pub(super) bending_n_m: f64,
+    // The published scheme has neither: only the hash of the default solver adds them.
+    #[serde(default = "shear", skip_serializing)]
+    pub(super) shear_n_per_m: f64,
+    #[serde(default = "internal_damping", skip_serializing)]
+    pub(super) internal_damping_s: f64,
     pub(super) friction_table: f64,
     pub(super) friction_cloth: f64,
     pub(super) thickness_m: f64,
     pub(super) gravity_m_per_s2: f64,
 }
 
+fn shear() -> f64 {
+    Material::default().shear
+}
+
+fn internal_damping() -> f64 {
+    Material::default().internal_damping
+}
+
 #[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub(super) struct SolverTable {
-    #[serde(default)]
+    pub(super) default: DefaultTable,
     pub(super) published: PublishedTable,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct DefaultTable {
+    pub(super) substep_s: f64,
+    pub(super) tolerance: f64,
+    pub(super) iterations: u32,
+}
+
+impl Default for DefaultTable {
+    fn default() -> Self {
+        let selvedge_cloth::Settings {
+            substep,
+            tolerance,
+            iterations,
+            gravity: _,
+        } = selvedge_cloth::Settings::default();
+        Self {
+            substep_s: substep,
+            tolerance,
+            iterations,
+        }
+    }
 }
 
 #[derive(Serialize, Deserialize)]
@@ -52,7 +89,7 @@ pub(super) struct PublishedTable {
 
 impl Default for PublishedTable {
     fn default() -> Self {
-        let Settings {
+        let selvedge_published::Settings {
             substeps,
             tolerance,
             compliance_stretch,
@@ -61,7 +98,7 @@ impl Default for PublishedTable {
             thickness_factor,
             move_limit,
             gravity: _,
-        } = Settings::default();
+        } = selvedge_published::Settings::default();
         Self {
             substeps,
             tolerance,
