@@ -13,6 +13,12 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
+    /// A box that nothing is in.
+    pub(crate) const NONE: Self = Self {
+        low: DVec3::INFINITY,
+        high: DVec3::NEG_INFINITY,
+    };
+
     pub(crate) fn overlaps(&self, other: &Self) -> bool {
         self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
     }

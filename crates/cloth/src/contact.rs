@@ -31,13 +31,13 @@ const STILL: f64 = 5e-6;
 const AHEAD: f64 = 1.5;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Pair {
+pub(crate) struct Pair {
     kind: Kind,
     nodes: [u32; 4],
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Contact {
+pub(crate) struct Contact {
     pair: Pair,
     weights: [f64; 4],
     normal: DVec3,
@@ -101,15 +101,11 @@ impl Contacts {
             .iter()
             .map(length)
             .fold(f64::INFINITY, f64::min);
-        let nothing = Bounds {
-            low: DVec3::ZERO,
-            high: DVec3::ZERO,
-        };
         Self {
             // Neighbours that share no node are at least one edge apart.
             thickness: thickness.min(0.5 * shortest),
             cell: 1.2 * mean,
-            node_boxes: vec![nothing; mesh.node_count()],
+            node_boxes: vec![Bounds::NONE; mesh.node_count()],
             ways: vec![0.0; mesh.node_count()],
             boxes: Vec::with_capacity(edges.len()),
             cells: Cells::default(),
@@ -136,7 +132,23 @@ impl Contacts {
         self.fresh = false;
     }
 
-    pub(crate) fn counts(&self) -> (usize, usize) { (self.pairs.len(), self.contacts.len()) }
+    /// The contacts with their forces.
+    pub(crate) fn list(&self) -> &[Contact] {
+        &self.contacts
+    }
+
+    /// Goes on from such contacts.
+    pub(crate) fn set_list(&mut self, contacts: &[Contact]) {
+        self.contacts.clear();
+        self.contacts.extend_from_slice(contacts);
+    }
+
+    /// Pairs are looked for anew.
+    pub(crate) fn forget(&mut self) {
+        self.fresh = false;
+        self.node_boxes.fill(Bounds::NONE);
+    }
+
     /// Forgets all contacts.
     pub(crate) fn clear(&mut self) {
         self.contacts.clear();
@@ -200,7 +212,11 @@ impl Contacts {
         let (ways, thickness) = (&self.ways, self.thickness);
         self.pairs.retain(|pair| {
             let way = pair.nodes.map(|k| ways[k as usize]);
-            let first = if pair.kind == Kind::NodeTriangle { 1 } else { 2 };
+            let first = if pair.kind == Kind::NodeTriangle {
+                1
+            } else {
+                2
+            };
             let longest = |ways: &[f64]| ways.iter().fold(0.0_f64, |a, b| a.max(*b));
             let reach = thickness + longest(&way[..first]) + longest(&way[first..]);
             let at = pair.nodes.map(|k| x[k as usize]);
@@ -361,11 +377,13 @@ impl Contacts {
 
     /// Follows every pair along its way from `start` to `end`.
     pub(crate) fn passage(&mut self, start: &[DVec3], end: &[DVec3]) -> Passage {
-        let near_seen =
-            |(at, now): (&DVec3, &DVec3)| at.distance_squared(*now) <= STILL * STILL;
+        let near_seen = |(at, now): (&DVec3, &DVec3)| at.distance_squared(*now) <= STILL * STILL;
         if self.still && self.seen.iter().zip(end).all(near_seen) {
             // Everything is where it was, to a small part of the smallest distance.
-            if self.gap.is_none_or(|gap| gap + self.thickness > 8.0 * STILL) {
+            if self
+                .gap
+                .is_none_or(|gap| gap + self.thickness > 8.0 * STILL)
+            {
                 return Passage {
                     free: 1.0,
                     gap: self.gap,

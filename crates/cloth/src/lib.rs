@@ -9,13 +9,22 @@ pub mod linear;
 mod material;
 mod mesh;
 mod nodes;
+mod predictor;
 mod rows;
+mod settings;
 mod simulator;
+mod state;
+mod substep;
 mod support;
 
 pub use material::Material;
 pub use mesh::{Grid, Mesh};
-pub use simulator::{Settings, Simulator};
+pub use settings::Settings;
+pub use simulator::Simulator;
+pub use state::State;
+
+/// Squeezed edges get their length back within this time after their release [s].
+pub const RECOVERY: f64 = 0.5;
 
 /// Why a mesh or a material was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -37,6 +46,14 @@ pub enum Error {
     /// A matrix could not be analysed or factored.
     #[error("a matrix could not be factored: {0}")]
     Factorisation(String),
+    /// A node index is out of range.
+    #[error("node {node} must be below the node count {node_count}")]
+    Node {
+        /// The index.
+        node: u32,
+        /// The number of nodes of the cloth.
+        node_count: usize,
+    },
     /// A position became infinite or not a number.
     #[error("the cloth diverged")]
     Diverged,

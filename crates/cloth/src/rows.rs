@@ -153,6 +153,16 @@ impl Rows {
         &self.quads
     }
 
+    /// Tension is looked at anew.
+    pub(crate) fn forget(&mut self) {
+        self.tautness.fill(f64::NAN);
+    }
+
+    /// Says which length every edge must have [m].
+    pub(crate) fn set_lengths(&mut self, lengths: &[f64]) {
+        self.lengths.copy_from_slice(lengths);
+    }
+
     /// Says which length an edge must have [m].
     pub(crate) fn set_length(&mut self, edge: usize, length: f64) {
         self.lengths[edge] = length;
@@ -214,7 +224,7 @@ impl Rows {
             .clone()
             .map(now)
             .zip(&self.tautness)
-            .all(|(a, b)| (a - b).abs() <= slack)
+            .all(|(a, b): (f64, &f64)| (a - b).abs() <= slack)
         {
             return false;
         }

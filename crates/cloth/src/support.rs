@@ -25,6 +25,26 @@ pub(crate) struct Surface {
     pub(crate) friction: f64,
 }
 
+impl Surface {
+    /// There is none.
+    pub(crate) const NONE: Self = Self {
+        normal: DVec3::Z,
+        offset: f64::NEG_INFINITY,
+        motion: DVec3::ZERO,
+        friction: 0.0,
+    };
+
+    /// The point, or the nearest on the surface if it is below.
+    pub(crate) fn lift(&self, point: DVec3) -> DVec3 {
+        let below = self.offset - self.normal.dot(point);
+        if below > 0.0 {
+            point + self.normal * below
+        } else {
+            point
+        }
+    }
+}
+
 /// Where the nodes rest.
 #[derive(Clone, Debug)]
 pub(crate) struct Supports {

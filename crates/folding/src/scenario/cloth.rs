@@ -113,6 +113,7 @@ impl DefaultTable {
             tolerance: self.tolerance,
             iterations: self.iterations,
             gravity,
+            ..Default::default()
         })
     }
 }

@@ -65,7 +65,7 @@ impl Default for DefaultTable {
             substep,
             tolerance,
             iterations,
-            gravity: _,
+            ..
         } = selvedge_cloth::Settings::default();
         Self {
             substep_s: substep,

@@ -1,0 +1,124 @@
+//! The substep without constraints.
+
+use selvedge_math::DVec3;
+
+use crate::bending::Matrix;
+use crate::linear::Cholesky;
+use crate::nodes::Nodes;
+use crate::{Error, Material};
+
+/// `E = 2 M/h^2 + D/h + (1/2 + b/h) kappa K`, the matrix of an implicit midpoint substep without
+/// constraints.
+#[derive(Debug)]
+pub(crate) struct Predictor {
+    cholesky: Cholesky,
+    entries: Vec<(u32, u32, f64)>,
+    values: Vec<f64>,
+    /// The values without tension.
+    constant: Vec<f64>,
+    /// The entries that an edge adds to.
+    places: Vec<[u32; 3]>,
+    column: Vec<f64>,
+    h: f64,
+    /// Masses for this `h`, which make the decay by drag exact.
+    pub(crate) masses: Vec<f64>,
+}
+
+impl Predictor {
+    pub(crate) fn new(n: usize, bending: &Matrix, edges: &[[u32; 2]]) -> Result<Self, Error> {
+        let mut entries: Vec<(u32, u32, f64)> = bending.lower().collect();
+        entries.extend(edges.iter().map(|&[p, q]| (q, p, 0.0)));
+        entries.sort_by_key(|&(r, c, _)| (r, c));
+        entries.dedup_by(|extra, kept| {
+            let same = (extra.0, extra.1) == (kept.0, kept.1);
+            kept.2 += if same { extra.2 } else { 0.0 };
+            same
+        });
+        let place = |r, c| {
+            let found = entries.binary_search_by_key(&(r, c), |&(r, c, _)| (r, c));
+            found.unwrap_or_default() as u32
+        };
+        let places = edges
+            .iter()
+            .map(|&[p, q]| [place(p, p), place(q, q), place(q, p)])
+            .collect();
+        let pattern: Vec<(u32, u32)> = entries.iter().map(|&(r, c, _)| (r, c)).collect();
+        Ok(Self {
+            cholesky: Cholesky::analyse(n, &pattern)?,
+            values: vec![0.0; entries.len()],
+            constant: vec![0.0; entries.len()],
+            places,
+            entries,
+            column: vec![0.0; n],
+            h: 0.0,
+            masses: vec![0.0; n],
+        })
+    }
+
+    /// Builds the constant part for the substep `h`, and what the nodes do with a force; true when
+    /// that is new.
+    pub(crate) fn prepare(
+        &mut self,
+        h: f64,
+        material: &Material,
+        areas: &[f64],
+        nodes: &mut Nodes,
+    ) -> bool {
+        if self.h == h {
+            return false;
+        }
+        let &Material {
+            density,
+            damping,
+            bending,
+            internal_damping,
+            ..
+        } = material;
+        // With this mass the midpoint rule decays by exp(-alpha h / rho), as drag does.
+        let turn = 0.5 * h * damping / density;
+        let exact = if turn > 0.0 { turn / turn.tanh() } else { 1.0 };
+        let stiffness = bending * (0.5 + internal_damping / h);
+        for (k, mass) in self.masses.iter_mut().enumerate() {
+            *mass = density * areas[k] * exact;
+            let diagonal = 2.0 * *mass / (h * h) + damping * areas[k] / h;
+            nodes.set_inverse(k, 1.0 / diagonal);
+        }
+        for (value, &(r, c, k)) in self.constant.iter_mut().zip(&self.entries) {
+            *value = stiffness * k;
+            if r == c {
+                *value += 1.0 / nodes.inverse(r as usize);
+            }
+        }
+        self.h = h;
+        true
+    }
+
+    /// The matrix is built anew.
+    pub(crate) fn forget(&mut self) {
+        self.h = 0.0;
+    }
+
+    /// Factors `E` with the stiffness that tension gives across each edge [N/m].
+    pub(crate) fn factor(&mut self, tautness: &[f64]) -> Result<(), Error> {
+        self.values.copy_from_slice(&self.constant);
+        for (&[p, q, pq], stiffness) in self.places.iter().zip(tautness) {
+            self.values[p as usize] += stiffness;
+            self.values[q as usize] += stiffness;
+            self.values[pq as usize] -= stiffness;
+        }
+        self.cholesky.factor(&self.values)
+    }
+
+    /// Solves `E u = load` and puts `start + u` into `x`.
+    pub(crate) fn solve(&mut self, load: &[DVec3], start: &[DVec3], x: &mut [DVec3]) {
+        for axis in 0..3 {
+            for (value, load) in self.column.iter_mut().zip(load) {
+                *value = load[axis];
+            }
+            self.cholesky.solve(&mut self.column);
+            for ((x, start), value) in x.iter_mut().zip(start).zip(&self.column) {
+                x[axis] = start[axis] + value;
+            }
+        }
+    }
+}

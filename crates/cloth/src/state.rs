@@ -1,0 +1,72 @@
+//! Everything that a simulation goes on from.
+
+use selvedge_math::DVec3;
+
+use crate::contact::Contact;
+use crate::support::Supports;
+
+/// A simulation at one instant, to go back to: positions and velocities, and the forces and contacts
+/// that the next solve starts from. A simulator that is given it goes on to the same bits as one that
+/// was not.
+#[derive(Clone, Debug)]
+pub struct State {
+    pub(crate) instant: Instant,
+    pub(crate) contacts: Vec<Contact>,
+}
+
+impl State {
+    /// Time since the start [s].
+    pub fn time(&self) -> f64 {
+        self.instant.time
+    }
+
+    /// Node positions [m].
+    pub fn positions(&self) -> &[DVec3] {
+        &self.instant.positions
+    }
+
+    /// Node velocities [m/s].
+    pub fn velocities(&self) -> &[DVec3] {
+        &self.instant.velocities
+    }
+}
+
+/// What a substep changes, the contacts apart.
+#[derive(Clone, Debug)]
+pub(crate) struct Instant {
+    pub(crate) time: f64,
+    pub(crate) positions: Vec<DVec3>,
+    pub(crate) velocities: Vec<DVec3>,
+    /// Forces of the rows and of the ties, see `Rows` and `Nodes`.
+    pub(crate) multipliers: Vec<f64>,
+    pub(crate) reactions: Vec<DVec3>,
+    pub(crate) supports: Supports,
+    /// Length of each edge when it was released and when that was; not a number for an edge that has
+    /// its rest length.
+    pub(crate) released: Vec<[f64; 2]>,
+}
+
+impl Instant {
+    pub(crate) fn new(rest: &[DVec3], edge_count: usize, row_count: usize) -> Self {
+        let n = rest.len();
+        Self {
+            time: 0.0,
+            positions: rest.to_vec(),
+            velocities: vec![DVec3::ZERO; n],
+            multipliers: vec![0.0; row_count],
+            reactions: vec![DVec3::ZERO; n],
+            supports: Supports::new(n),
+            released: vec![[f64::NAN; 2]; edge_count],
+        }
+    }
+
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.time = other.time;
+        self.positions.copy_from_slice(&other.positions);
+        self.velocities.copy_from_slice(&other.velocities);
+        self.multipliers.copy_from_slice(&other.multipliers);
+        self.reactions.copy_from_slice(&other.reactions);
+        self.supports.copy_from(&other.supports);
+        self.released.copy_from_slice(&other.released);
+    }
+}

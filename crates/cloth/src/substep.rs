@@ -1,0 +1,349 @@
+//! One substep, told in its steps.
+//!
+//! With `u = x_1 - x_0` and `v_1 = 2 u/h - v_0` the implicit midpoint rule is
+//!
+//! `E u = 2 M v_0/h - delta g A e_z - kappa K x_0 + J(x_m)^T lambda + contact forces`,
+//! `E = 2 M/h^2 + alpha A/h + (1/2 + b/h) kappa K`, `x_m = (x_0 + x_1)/2`,
+//!
+//! with forces such that at the end edges have their length, hands have what they hold where they
+//! want it, nothing is below a surface or nearer to another layer than a thickness, and friction is
+//! Coulomb's.
+//!
+//! An iteration solves for `u` with the present forces (`E` is factored once), then corrects the
+//! forces: ties of hands and supports first, contacts between layers by a sweep, stretch and shear by
+//! one Newton step of all rows together. The corrections see the masses only; what bending makes of
+//! them comes with the next solve. So every substep ends on its constraints, and the iterations are
+//! there to make the forces right.
+
+use selvedge_math::DVec3;
+
+use crate::nodes::Kept;
+use crate::rows::ShearLaw;
+use crate::support::Surface;
+use crate::{Error, RECOVERY, Simulator};
+
+/// The iterations have converged when the last one moved no node further [m].
+const SETTLED: f64 = 1e-5;
+/// ... and no free node is so far below a surface [m].
+const SUNK: f64 = 1e-7;
+/// The same for layers, which are a thickness apart [m].
+const TOO_NEAR: f64 = 1e-4;
+
+/// How a substep ended.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Ended {
+    pub(crate) iterations: u32,
+    pub(crate) strain: f64,
+    pub(crate) shear: f64,
+    pub(crate) gap: Option<f64>,
+    /// Share of the way without collisions.
+    pub(crate) free: f64,
+}
+
+impl Simulator {
+    /// One substep of `h` [s]. Hands go the share `reach` of their way, at whose end they are at
+    /// `share` of the step's. The last resort is to go only as far as nothing collides.
+    pub(crate) fn substep(
+        &mut self,
+        h: f64,
+        share: f64,
+        reach: f64,
+        last: bool,
+    ) -> Result<Ended, Error> {
+        let law = self.begin(h)?;
+        let n = self.areas.len();
+        let mut ended = Ended::default();
+        let (mut aim, mut last_strain) = (true, f64::INFINITY);
+        let (mut last_moved, mut least_moved) = (f64::INFINITY, f64::INFINITY);
+        for iteration in 0..self.settings.iterations {
+            ended.iterations += 1;
+            self.solve();
+            if iteration == 0 {
+                self.set_surfaces(h);
+                self.find_contacts(h)?;
+            }
+            let changed = self.correct_ties(h, share, reach);
+            let (start, x) = (&self.scratch.start, &mut self.now.positions);
+            for _ in 0..2 {
+                self.contacts
+                    .sweep(x, start, &mut self.nodes, self.material.friction_cloth);
+            }
+
+            // Stretch and shear; forces point along the middle of the way as long as that converges
+            if aim {
+                self.scratch.aimed.copy_from_slice(x);
+                self.rows.set_gradients(start, x);
+            }
+            if changed || self.stale {
+                self.rows.factor(&self.nodes, law)?;
+                self.stale = false;
+            }
+            let forces = &mut self.scratch.forces;
+            self.rows.correct(x, &self.scratch.sines, law, forces);
+            for (node, (x, force)) in x.iter_mut().zip(&*forces).enumerate() {
+                self.nodes.push(node, *force, x);
+            }
+
+            // How good that is
+            ended.strain = self.rows.strain(x);
+            let moved = x
+                .iter()
+                .zip(&self.scratch.free)
+                .map(|(x, free)| x.distance_squared(*free))
+                .fold(0.0, f64::max)
+                .sqrt();
+            if !(moved.is_finite() && ended.strain < 0.5)
+                || (iteration > 2 && moved > 3.0 * least_moved && moved > 1e-3)
+            {
+                return Err(Error::Diverged);
+            }
+            let sunk = (0..n)
+                .filter(|&node| !self.hands.is_held[node])
+                .map(|node| {
+                    self.supports
+                        .lack(node, &self.scratch.surfaces[node], start[node], x[node], h)
+                })
+                .fold(0.0, f64::max);
+            if ended.strain <= self.settings.tolerance
+                && moved <= SETTLED
+                && sunk <= SUNK
+                && self.contacts.lack(x) <= TOO_NEAR
+            {
+                break;
+            }
+
+            // What the next iteration does
+            if ended.strain > 0.7 * last_strain && moved < SETTLED && iteration > 1 {
+                // Only edges between sticking nodes are left: pull harder
+                self.nodes.looseness = (0.25 * self.nodes.looseness).max(0.01);
+                self.stale = true;
+            } else if self.nodes.looseness < 1.0 && moved > SETTLED {
+                self.nodes.looseness = 1.0;
+                self.stale = true;
+            }
+            self.stale |=
+                ended.strain > 0.3 * last_strain && ended.strain > 0.3 * self.settings.tolerance;
+            aim = iteration < 2 || moved < 0.3 * last_moved;
+            least_moved = least_moved.min(moved);
+            (last_moved, last_strain) = (moved, ended.strain);
+        }
+        self.end(h, last, &mut ended)?;
+        Ok(ended)
+    }
+
+    /// Sets up what stays the same through the iterations.
+    fn begin(&mut self, h: f64) -> Result<ShearLaw, Error> {
+        let material = self.material;
+        let scratch = &mut self.scratch;
+        scratch.start.copy_from_slice(&self.now.positions);
+        scratch.aimed.copy_from_slice(&self.now.positions);
+        self.nodes.reactions.copy_from_slice(&self.now.reactions);
+        self.rows.multipliers.copy_from_slice(&self.now.multipliers);
+        self.supports.copy_from(&self.now.supports);
+        self.set_lengths(h);
+        self.rows
+            .sines(&self.scratch.start, &mut self.scratch.sines);
+
+        // Ties as they were
+        for node in 0..self.areas.len() {
+            let kept = match self.hands.is_held[node] {
+                true => Kept::Fixed,
+                false => self.supports.tie(node, &self.scratch.surfaces[node]),
+            };
+            self.nodes.kept[node] = kept;
+            if kept == Kept::Free {
+                self.nodes.reactions[node] = DVec3::ZERO;
+            }
+        }
+        if self.nodes.looseness < 1.0 {
+            self.nodes.looseness = 1.0;
+            self.stale = true;
+        }
+
+        // Matrices
+        let new = self
+            .predictor
+            .prepare(h, &material, &self.areas, &mut self.nodes);
+        self.stale |= new;
+        let slack = 0.1 / self.nodes.inverse(0);
+        if self.rows.tauten(slack) || new {
+            self.predictor.factor(self.rows.tautness())?;
+        }
+
+        // Load without the forces that are sought
+        let scratch = &mut self.scratch;
+        let weight = material.gravitational_density * self.settings.gravity;
+        for (k, load) in scratch.load.iter_mut().enumerate() {
+            *load = self.now.velocities[k] * (2.0 * self.predictor.masses[k] / h)
+                - DVec3::Z * (weight * self.areas[k])
+                - self.bending.multiply_row(k, &scratch.start) * material.bending
+                + self.external[k];
+        }
+        self.rows.set_gradients(&scratch.start, &scratch.start);
+        Ok(ShearLaw {
+            end: material.shear * (0.5 + material.internal_damping / h),
+            start: material.shear * (0.5 - material.internal_damping / h),
+        })
+    }
+
+    /// The positions that the present forces give.
+    fn solve(&mut self) {
+        let scratch = &mut self.scratch;
+        let forces = &mut scratch.forces;
+        forces.copy_from_slice(&scratch.load);
+        self.rows.add_forces(forces);
+        self.rows
+            .add_tautness(&scratch.start, &scratch.aimed, forces);
+        self.contacts.add_forces(forces);
+        self.supports.add_forces(forces);
+        for (force, reaction) in forces.iter_mut().zip(&self.nodes.reactions) {
+            *force += *reaction;
+        }
+        self.predictor
+            .solve(forces, &scratch.start, &mut self.now.positions);
+        scratch.free.copy_from_slice(&self.now.positions);
+    }
+
+    /// The surface that each node may come to in this substep.
+    fn set_surfaces(&mut self, _h: f64) {
+        let table = Surface {
+            normal: DVec3::Z,
+            offset: 0.0,
+            motion: DVec3::ZERO,
+            friction: self.material.friction_table,
+        };
+        self.scratch.surfaces.fill(match self.settings.table {
+            true => table,
+            false => Surface::NONE,
+        });
+    }
+
+    fn find_contacts(&mut self, h: f64) -> Result<(), Error> {
+        let (start, x) = (&self.scratch.start, &self.now.positions);
+        let found = (self.contacts.covers(start) && self.contacts.covers(x))
+            || self.contacts.find(start, x);
+        self.contacts.begin(start, x, h);
+        if found { Ok(()) } else { Err(Error::Crowded) }
+    }
+
+    /// Puts held nodes where they belong and lets every other node rest, slide or leave; true when
+    /// one came to rest or left.
+    fn correct_ties(&mut self, h: f64, share: f64, reach: f64) -> bool {
+        let (scratch, x) = (&self.scratch, &mut self.now.positions);
+        let mut changed = false;
+        for (k, &node) in self.hands.nodes.iter().enumerate() {
+            let node = node as usize;
+            let start = scratch.start[node];
+            let target = self.hands.from[k].lerp(self.hands.to[k], share);
+            // Not below a surface: that comes before targets.
+            let target = scratch.surfaces[node].lift(start + reach * (target - start));
+            self.nodes.place(node, target, &mut x[node]);
+        }
+        for node in 0..x.len() {
+            if !self.hands.is_held[node] {
+                let (surface, start) = (&scratch.surfaces[node], scratch.start[node]);
+                changed |=
+                    self.supports
+                        .update(node, surface, start, &mut x[node], &mut self.nodes, h);
+            }
+        }
+        changed
+    }
+
+    /// Looks for collisions on the way and sets the velocities.
+    fn end(&mut self, h: f64, last: bool, ended: &mut Ended) -> Result<(), Error> {
+        let (start, x) = (&self.scratch.start, &mut self.now.positions);
+        if !self.contacts.covers(x) && !self.contacts.find(start, x) {
+            return Err(Error::Crowded);
+        }
+        let passage = self.contacts.passage(start, x);
+        ended.free = passage.free;
+        ended.gap = passage.gap;
+        if ended.free < 1.0 && last {
+            for (x, start) in x.iter_mut().zip(start) {
+                *x = start.lerp(*x, 0.9 * ended.free);
+            }
+            ended.strain = self.rows.strain(x);
+        }
+        self.rows.sines(x, &mut self.scratch.end_sines);
+        ended.shear = self
+            .scratch
+            .end_sines
+            .iter()
+            .fold(0.0, |m: f64, s| m.max(s.abs()));
+        self.set_velocities(h);
+        self.now.multipliers.copy_from_slice(&self.rows.multipliers);
+        self.now.reactions.copy_from_slice(&self.nodes.reactions);
+        self.now.supports.copy_from(&self.supports);
+        self.now.time += h;
+        Ok(())
+    }
+
+    /// `v_1 = 2 u/h - v_0`, then impacts without rebound, then no velocity along the edges: what the
+    /// positions do not allow, the velocities must not have.
+    fn set_velocities(&mut self, h: f64) {
+        let (x, velocities) = (&self.now.positions, &mut self.now.velocities);
+        let scratch = &mut self.scratch;
+        for (node, v) in velocities.iter_mut().enumerate() {
+            let u = x[node] - scratch.start[node];
+            *v = match self.hands.is_held[node] {
+                true => u / h,
+                false => {
+                    let free = u * (2.0 / h) - *v;
+                    self.supports.impact(node, &scratch.surfaces[node], free, h)
+                }
+            };
+        }
+        for _ in 0..2 {
+            self.contacts.impact(velocities, &mut self.nodes);
+        }
+        self.rows
+            .correct_velocities(x, velocities, &scratch.length_rates, &mut scratch.forces);
+        for (node, (v, impulse)) in velocities.iter_mut().zip(&scratch.forces).enumerate() {
+            *v += self.nodes.respond(node, *impulse);
+        }
+    }
+
+    /// Which edges are imposed and how long they are to be at the end of the substep.
+    ///
+    /// No inextensible edge can follow a squeeze: edges between two held nodes are not imposed. Once
+    /// released they get their length back over [`RECOVERY`], by a smooth step.
+    fn set_lengths(&mut self, h: f64) {
+        let end = self.now.time + h;
+        let (held, start) = (&self.hands.is_held, &self.scratch.start);
+        let edge_count = self.rest_lengths.len();
+        for e in 0..edge_count {
+            let [p, q] = self.rows.edges()[e].map(|k| k as usize);
+            let exempt = held[p] && held[q];
+            self.rows.set_exempt(e, exempt);
+            self.scratch.length_rates[e] = 0.0;
+            let rest = self.rest_lengths[e];
+            let released = &mut self.now.released[e];
+            if exempt {
+                *released = [start[p].distance(start[q]), self.now.time];
+                continue;
+            }
+            let [length, since] = *released;
+            if length.is_nan() {
+                continue;
+            }
+            let at = |time: f64| {
+                let s = ((time - since) / RECOVERY).clamp(0.0, 1.0);
+                length + (rest - length) * (s * s * s * (10.0 + s * (6.0 * s - 15.0)))
+            };
+            self.rows.set_length(e, at(end));
+            self.scratch.length_rates[e] = (at(end) - at(end - h)) / h;
+            if end >= since + RECOVERY {
+                self.rows.set_length(e, rest);
+                *released = [f64::NAN; 2];
+            }
+        }
+        for k in 0..self.rows.quads().len() {
+            let count = self.rows.quads()[k]
+                .iter()
+                .filter(|&&node| held[node as usize])
+                .count();
+            self.rows.set_exempt(edge_count + k, count > 2);
+        }
+    }
+}
