@@ -4,10 +4,12 @@
 pub mod linear;
 mod material;
 mod mesh;
+mod project;
 mod simulator;
 
 pub use material::Material;
 pub use mesh::{Grid, Mesh};
+pub use project::{Projected, Projection, project};
 pub use simulator::{Settings, Simulator};
 
 /// Why a mesh or a material was refused.
@@ -23,6 +25,42 @@ pub enum Error {
         value: f64,
         /// What is allowed.
         bound: &'static str,
+    },
+    /// A number of one node is outside its bounds.
+    #[error("node {node}: {field} is {value}, must be {bound}")]
+    Node {
+        /// The node.
+        node: usize,
+        /// The field, with its unit.
+        field: &'static str,
+        /// What was given.
+        value: f64,
+        /// What is allowed.
+        bound: &'static str,
+    },
+    /// There is not one value for each node.
+    #[error("{given} {field} given, must be {wanted}, one a node")]
+    Count {
+        /// What was given.
+        field: &'static str,
+        /// How many were given.
+        given: usize,
+        /// The number of nodes.
+        wanted: usize,
+    },
+    /// No positions were found that keep the constraints.
+    #[error(
+        "no positions found that keep the constraints: {what} is off by {miss:.3e} m, \
+         a node out of balance by {imbalance:.3e} m, must be at most {max:e} m",
+        max = Projected::TOLERANCE
+    )]
+    Unreachable {
+        /// The constraint that is off furthest.
+        what: String,
+        /// How far [m].
+        miss: f64,
+        /// How far a node is from where the forces on it are in balance [m].
+        imbalance: f64,
     },
     /// A sheet needs at least one quad, and its nodes must fit into memory.
     #[error("grid has {0} x {1} nodes, must be at least 2 x 2 and at most {max} in all", max = Mesh::MAX_NODES)]
