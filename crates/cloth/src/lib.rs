@@ -48,6 +48,27 @@ pub enum Error {
         /// The number of nodes.
         wanted: usize,
     },
+    /// A file could not be read.
+    #[error("{}: {message}", path.display())]
+    File {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What the system says.
+        message: String,
+    },
+    /// A cloth cannot have such a mesh.
+    #[error("{place}: {what}, must be {bound}")]
+    Mesh {
+        /// The file and its line, or the node or face.
+        place: String,
+        /// What was found there, with its value.
+        what: String,
+        /// What is allowed.
+        bound: String,
+    },
+    /// Something is known for rectangular grids only.
+    #[error("the mesh is no grid, as Mesh::grid makes it, which {0} needs")]
+    NoGrid(&'static str),
     /// No positions were found that keep the constraints.
     #[error(
         "no positions found that keep the constraints: {what} is off by {miss:.3e} m, \

@@ -66,7 +66,7 @@ fn best_move(case: &Case, x: &[DVec3]) -> Vec<DVec3> {
     // Soft rows get a variable each for their value.
     let mut variables = 3 * n;
     if let Some(compliance) = case.shear_compliance {
-        for pairs in shear_pairs(case.mesh.as_grid().nodes) {
+        for pairs in shear_pairs(case.mesh.as_grid().unwrap().nodes) {
             if pairs.iter().flatten().all(|node| grasped.contains(node)) {
                 continue;
             }
@@ -136,7 +136,7 @@ fn objective(case: &Case, x: &[DVec3]) -> f64 {
     let nodes = x.iter().zip(&case.predicted).zip(&case.masses);
     let mut sum: f64 = nodes.map(|((x, p), m)| m * x.distance_squared(*p)).sum();
     if let Some(compliance) = case.shear_compliance {
-        for pairs in shear_pairs(case.mesh.as_grid().nodes) {
+        for pairs in shear_pairs(case.mesh.as_grid().unwrap().nodes) {
             sum += (CELL * product(case, x, pairs).0).powi(2) / compliance;
         }
     }

@@ -32,7 +32,7 @@ fn residuals(case: &Case, x: &[DVec3]) -> (f64, f64) {
         }
     }
     if let Some(compliance) = case.shear_compliance {
-        let [na, nb] = case.mesh.as_grid().nodes;
+        let [na, nb] = case.mesh.as_grid().unwrap().nodes;
         for k in 0..n {
             let (i, j) = (k % na, k / na);
             let node = |i: usize, j: usize| (j * na + i) as u32;

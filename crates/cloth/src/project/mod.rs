@@ -67,7 +67,7 @@ impl Projected {
 /// and steps many.
 ///
 /// # Errors
-/// [`Error::Node`], [`Error::Count`] and others when the problem is not well posed;
+/// [`Error::Node`], [`Error::Count`], [`Error::NoGrid`] and others when the problem is not well posed;
 /// [`Error::Unreachable`] when no positions were found that keep the constraints, as for a grasp
 /// that pulls the cloth apart.
 ///
@@ -173,7 +173,8 @@ impl Projection<'_> {
         let edges = self.mesh.edges().iter();
         let mut rows: Vec<Row> = edges.map(|&edge| row([edge, edge], 0.0)).collect();
         if let Some(compliance) = self.shear_compliance {
-            let [na, nb] = self.mesh.as_grid().nodes;
+            let grid = self.mesh.as_grid().ok_or(Error::NoGrid("a shear row"))?;
+            let [na, nb] = grid.nodes;
             for j in 0..nb {
                 for i in 0..na {
                     let at = |i: usize, j: usize| (j * na + i) as u32;
