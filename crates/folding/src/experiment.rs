@@ -209,7 +209,7 @@ fn compare(
     runs: &[Result<Run, String>],
     expected: &Expected,
 ) -> Experiment {
-    let diagonal = scenario.mesh.as_grid().diagonal();
+    let diagonal = scenario.mesh.diagonal();
     let ideal = half_fold(&scenario.mesh, scenario.material.thickness);
     let rows = cases.iter().zip(runs).map(|(case, result)| {
         let measured = result.as_ref().map_err(String::clone).map(|run| {
@@ -266,7 +266,7 @@ fn curves(
     cases: &[&Case],
     runs: &[Result<Run, String>],
 ) -> Vec<(String, Vec<(f64, f64)>)> {
-    let diagonal = scenario.mesh.as_grid().diagonal();
+    let diagonal = scenario.mesh.diagonal();
     let ideal = half_fold(&scenario.mesh, scenario.material.thickness);
     let mut curves = Vec::new();
     for (case, run) in cases.iter().zip(runs) {

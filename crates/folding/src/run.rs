@@ -224,7 +224,7 @@ fn view<'a>(scenario: &'a Scenario, positions: &'a [DVec3]) -> ClothView<'a> {
         positions,
         edges: mesh.edges(),
         quads: mesh.quads(),
-        triangles: &[],
+        triangles: mesh.triangles(),
     }
 }
 
@@ -241,14 +241,17 @@ fn any_closes(grippers: &Grippers, commands: &[Command]) -> bool {
 }
 
 fn new_recording(scenario: &Scenario, case: &Case, solver: Solver) -> Result<Recording, Error> {
-    let grid = scenario.mesh.as_grid();
-    let sheet = Sheet {
-        quads: scenario.mesh.quads().to_vec(),
-        triangles: Vec::new(),
-        rest: Rest::Grid {
+    let rest = match scenario.mesh.as_grid() {
+        Some(grid) => Rest::Grid {
             nodes: grid.nodes.map(|n| n as u32),
             sides: grid.sides,
         },
+        None => Rest::Positions(scenario.mesh.rest().to_vec()),
+    };
+    let sheet = Sheet {
+        quads: scenario.mesh.quads().to_vec(),
+        triangles: scenario.mesh.triangles().to_vec(),
+        rest,
     };
     let meta = serde_json::json!({
         "scenario": scenario.name,
