@@ -30,6 +30,10 @@ const ARGUMENTS: &[(&str, &str)] = &[
         "kinematics",
         "fixtures/tests/kinematics.json {target}/kinematics.json",
     ),
+    (
+        "project",
+        "fixtures/tests/project.json {target}/project.json",
+    ),
 ];
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode> {

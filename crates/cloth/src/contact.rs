@@ -86,7 +86,7 @@ pub(crate) struct Passage {
 
 impl Contacts {
     pub(crate) fn new(mesh: &Mesh, thickness: f64) -> Self {
-        let mut triangles = Vec::new();
+        let mut triangles = mesh.triangles().to_vec();
         let mut edges = mesh.edges().to_vec();
         for &[a, b, c, d] in mesh.quads() {
             triangles.extend([[a, b, c], [a, c, d]]);

@@ -10,6 +10,7 @@ mod material;
 mod mesh;
 mod nodes;
 mod predictor;
+mod project;
 mod rows;
 mod settings;
 mod simulator;
@@ -19,6 +20,7 @@ mod support;
 
 pub use material::Material;
 pub use mesh::{Grid, Mesh};
+pub use project::{Projected, Projection, project};
 pub use settings::Settings;
 pub use simulator::Simulator;
 pub use state::State;
@@ -40,6 +42,63 @@ pub enum Error {
         /// What is allowed.
         bound: &'static str,
     },
+    /// A number of one node is outside its bounds.
+    #[error("node {node}: {field} is {value}, must be {bound}")]
+    Node {
+        /// The node.
+        node: usize,
+        /// The field, with its unit.
+        field: &'static str,
+        /// What was given.
+        value: f64,
+        /// What is allowed.
+        bound: &'static str,
+    },
+    /// There is not one value for each node.
+    #[error("{given} {field} given, must be {wanted}, one a node")]
+    Count {
+        /// What was given.
+        field: &'static str,
+        /// How many were given.
+        given: usize,
+        /// The number of nodes.
+        wanted: usize,
+    },
+    /// A file could not be read.
+    #[error("{}: {message}", path.display())]
+    File {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What the system says.
+        message: String,
+    },
+    /// A cloth cannot have such a mesh.
+    #[error("{place}: {what}, must be {bound}")]
+    Mesh {
+        /// The file and its line, or the node or face.
+        place: String,
+        /// What was found there, with its value.
+        what: String,
+        /// What is allowed.
+        bound: String,
+    },
+    /// Something is known for rectangular grids only.
+    #[error("the mesh is no grid, as Mesh::grid makes it, which {0} needs")]
+    NoGrid(&'static str),
+    /// No positions were found that keep the constraints.
+    #[error(
+        "no positions found that keep the constraints: {what} is off by {miss:.3e} m, \
+         a node out of balance by {imbalance:.3e} m, must be at most {max:e} m",
+        max = Projected::TOLERANCE
+    )]
+    Unreachable {
+        /// The constraint that is off furthest.
+        what: String,
+        /// How far [m].
+        miss: f64,
+        /// How far a node is from where the forces on it are in balance [m].
+        imbalance: f64,
+    },
     /// A sheet needs at least one quad, and its nodes must fit into memory.
     #[error("grid has {0} x {1} nodes, must be at least 2 x 2 and at most {max} in all", max = Mesh::MAX_NODES)]
     GridSize(usize, usize),
@@ -48,7 +107,7 @@ pub enum Error {
     Factorisation(String),
     /// A node index is out of range.
     #[error("node {node} must be below the node count {node_count}")]
-    Node {
+    NoSuchNode {
         /// The index.
         node: u32,
         /// The number of nodes of the cloth.

@@ -1,5 +1,8 @@
 //! The rest shape of a cloth.
 
+mod faces;
+mod obj;
+
 use selvedge_math::DVec3;
 
 use crate::Error;
@@ -12,7 +15,8 @@ pub struct Mesh {
     rest: Vec<DVec3>,
     edges: Vec<[u32; 2]>,
     quads: Vec<[u32; 4]>,
-    grid: Grid,
+    triangles: Vec<[u32; 3]>,
+    grid: Option<Grid>,
 }
 
 /// The regular grid of a rectangular sheet.
@@ -82,7 +86,8 @@ impl Mesh {
             rest,
             edges,
             quads,
-            grid,
+            triangles: Vec::new(),
+            grid: Some(grid),
         })
     }
 
@@ -101,9 +106,23 @@ impl Mesh {
         &self.quads
     }
 
-    /// The grid the mesh was made from.
-    pub fn as_grid(&self) -> Grid {
+    /// Triangular faces, nodes in order around the face.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// The grid the mesh was made from, if it was made by [`Mesh::grid`].
+    pub fn as_grid(&self) -> Option<Grid> {
         self.grid
+    }
+
+    /// Length of the diagonal [m], the scale of the folding error: of the grid, or else of the box
+    /// along the axes around the rest positions.
+    pub fn diagonal(&self) -> f64 {
+        match self.grid {
+            Some(grid) => grid.diagonal(),
+            None => faces::extent(&self.rest).length(),
+        }
     }
 
     /// The number of nodes.
@@ -126,7 +145,9 @@ mod tests {
             [[0, 1], [0, 3], [1, 2], [1, 4], [2, 5], [3, 4], [4, 5]]
         );
         assert_eq!(mesh.quads(), [[0, 1, 4, 3], [1, 2, 5, 4]]);
-        assert_eq!(mesh.as_grid().spacing(), [1.0, 1.0]);
+        assert_eq!(mesh.as_grid().unwrap().spacing(), [1.0, 1.0]);
+        assert_eq!(mesh.diagonal(), 5f64.sqrt());
+        assert!(mesh.triangles().is_empty());
     }
 
     #[test]

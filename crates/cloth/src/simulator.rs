@@ -148,11 +148,11 @@ impl Simulator {
     /// Pins nodes where they are, instead of those pinned before.
     ///
     /// # Errors
-    /// [`Error::Node`] when one of them is no node of the cloth.
+    /// [`Error::NoSuchNode`] when one of them is no node of the cloth.
     pub fn pin(&mut self, nodes: &[u32]) -> Result<(), Error> {
         let node_count = self.areas.len();
         if let Some(&node) = nodes.iter().find(|&&node| node as usize >= node_count) {
-            return Err(Error::Node { node, node_count });
+            return Err(Error::NoSuchNode { node, node_count });
         }
         self.pinned.clear();
         self.pinned.extend_from_slice(nodes);
@@ -350,6 +350,13 @@ fn areas(mesh: &Mesh) -> Vec<f64> {
         let area = 0.5 * (c - a).cross(d - b).length();
         for &node in quad {
             areas[node as usize] += area / 4.0;
+        }
+    }
+    for triangle in mesh.triangles() {
+        let [a, b, c] = triangle.map(|k| rest[k as usize]);
+        let area = 0.5 * (b - a).cross(c - a).length();
+        for &node in triangle {
+            areas[node as usize] += area / 3.0;
         }
     }
     areas

@@ -19,7 +19,7 @@ pub(crate) struct Results<'a> {
 
 pub(crate) fn compare(results: &Results<'_>, expected: &Expected) -> Experiment {
     let ideal = results.ideal();
-    let diagonal = results.scenario.mesh.as_grid().diagonal();
+    let diagonal = results.scenario.mesh.diagonal();
     let rows = results.pairs.iter().zip(&results.runs).enumerate();
     let rows = rows.map(|(number, (&(case, solver), result))| {
         let measured = result.as_ref().map_err(String::clone).map(|run| {
@@ -49,7 +49,7 @@ pub(crate) fn compare(results: &Results<'_>, expected: &Expected) -> Experiment 
 /// `E(t)` of every finished case from the first step on, all cases of a solver together.
 pub(crate) fn curves(results: &Results<'_>, solvers: &[Solver]) -> Vec<(String, Vec<(f64, f64)>)> {
     let ideal = results.ideal();
-    let diagonal = results.scenario.mesh.as_grid().diagonal();
+    let diagonal = results.scenario.mesh.diagonal();
     let mut curves = Vec::new();
     for &wanted in solvers {
         for (number, &(case, solver)) in results.pairs.iter().enumerate() {
@@ -88,7 +88,7 @@ impl Results<'_> {
 
     /// The errors of a pair's ensemble; none if it has no members.
     fn ensemble(&self, number: usize, reference: &[DVec3]) -> Option<Ensemble> {
-        let diagonal = self.scenario.mesh.as_grid().diagonal();
+        let diagonal = self.scenario.mesh.diagonal();
         let members = self.ends.iter().skip(number).step_by(self.pairs.len());
         let mut ensemble = Ensemble::default();
         for end in members {

@@ -120,7 +120,7 @@ pub(crate) fn view<'a>(scenario: &'a Scenario, positions: &'a [DVec3]) -> ClothV
         positions,
         edges: mesh.edges(),
         quads: mesh.quads(),
-        triangles: &[],
+        triangles: mesh.triangles(),
     }
 }
 

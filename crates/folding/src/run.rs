@@ -116,14 +116,17 @@ pub fn run(
 }
 
 fn new_recording(scenario: &Scenario, case: &Case, solver: Solver) -> Result<Recording, Error> {
-    let grid = scenario.mesh.as_grid();
-    let sheet = Sheet {
-        quads: scenario.mesh.quads().to_vec(),
-        triangles: Vec::new(),
-        rest: Rest::Grid {
+    let rest = match scenario.mesh.as_grid() {
+        Some(grid) => Rest::Grid {
             nodes: grid.nodes.map(|n| n as u32),
             sides: grid.sides,
         },
+        None => Rest::Positions(scenario.mesh.rest().to_vec()),
+    };
+    let sheet = Sheet {
+        quads: scenario.mesh.quads().to_vec(),
+        triangles: scenario.mesh.triangles().to_vec(),
+        rest,
     };
     let (settings, tolerance, material) = solver.meta(scenario);
     let meta = serde_json::json!({

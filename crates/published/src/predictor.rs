@@ -287,7 +287,7 @@ mod tests {
     #[test]
     fn the_first_prediction_of_the_table_mesh() {
         let mesh = selvedge_cloth::Mesh::grid([23, 28], [0.42, 0.59]).unwrap();
-        let mut predictor = Predictor::new(mesh.as_grid());
+        let mut predictor = Predictor::new(mesh.as_grid().unwrap());
         predictor.prepare(&Material::default(), 9.8, 1.0 / 360.0);
         let mut x = mesh.rest().to_vec();
         predictor.predict(&mut x, &[DVec3::splat(1e-12); 644]);

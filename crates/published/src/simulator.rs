@@ -147,11 +147,12 @@ impl Simulator {
     /// A sheet at rest.
     ///
     /// # Errors
-    /// [`Error`] when a value is outside its bounds.
+    /// [`Error::Cloth`] when a value is outside its bounds or the mesh is no grid.
     pub fn new(mesh: &Mesh, material: Material, settings: Settings) -> Result<Self, Error> {
         material.check()?;
         settings.check()?;
         let grid = mesh.as_grid();
+        let grid = grid.ok_or(selvedge_cloth::Error::NoGrid("the published scheme"))?;
         let (n, rest) = (mesh.node_count(), mesh.rest());
         let areas = operators::lumped_areas(grid);
         let inverse_areas: Vec<f64> = areas.iter().map(|m| 1.0 / m).collect();
@@ -513,6 +514,17 @@ mod tests {
         cloth.set_targets(held, 0.5);
         assert!(cloth.targets[0].distance(DVec3::new(0.01, 0.0, 0.0)) < 1e-12);
         assert!(cloth.targets[1].distance(DVec3::new(0.1, 0.102, 0.0)) < 1e-12);
+    }
+
+    #[test]
+    fn a_mesh_that_is_no_grid_is_refused() {
+        let rest = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+        let mesh = Mesh::new(rest, vec![], vec![[0, 1, 2]]).unwrap();
+        let error = Simulator::new(&mesh, Material::default(), Settings::default()).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the mesh is no grid, as Mesh::grid makes it, which the published scheme needs"
+        );
     }
 
     #[test]

@@ -8,7 +8,7 @@ use selvedge_math::DVec3;
 /// Nodes and quad centres (mean of the four corners) form a mesh with four triangles a quad.
 /// Border nodes keep their value; every other point becomes `3/4` of itself plus `1/4` of the mean
 /// of its neighbours: four nodes and four centres around an inner node, four corners around a
-/// centre. A sheet that lies flat and undistorted is not changed.
+/// centre. A sheet that lies flat and undistorted is not changed, nor is a mesh that is no grid.
 ///
 /// # Panics
 /// When `positions` has not one entry a node of the mesh.
@@ -18,7 +18,10 @@ pub fn smoothed(mesh: &Mesh, positions: &[DVec3]) -> Vec<DVec3> {
         mesh.node_count(),
         "positions must have one entry a node"
     );
-    let [na, nb] = mesh.as_grid().nodes;
+    let Some(grid) = mesh.as_grid() else {
+        return positions.to_vec();
+    };
+    let [na, nb] = grid.nodes;
     let corners = |q: &[u32; 4], x: &[DVec3]| q.iter().map(|&k| x[k as usize]).sum::<DVec3>() / 4.0;
     let mut nodes = positions.to_vec();
     let mut centres: Vec<DVec3> = mesh.quads().iter().map(|q| corners(q, &nodes)).collect();

@@ -152,7 +152,7 @@ impl File {
             (mid.x, end.x) = (start.x, start.x);
         }
         // An inextensible sheet follows a corner at most so far without being dragged.
-        let reach = mesh.as_grid().diagonal();
+        let reach = mesh.diagonal();
         for (name, point) in [("start_offset_m", start), ("mid_m", mid), ("end_m", end)] {
             let distance = mesh
                 .rest()
