@@ -28,7 +28,7 @@ const CROSSING: f64 = 0.05;
 /// Contacts are kept as they are while no node has moved further [m].
 const STILL: f64 = 5e-6;
 /// Pairs are looked for so many substeps ahead.
-const AHEAD: f64 = 1.5;
+const AHEAD: f64 = 0.3;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Pair {
