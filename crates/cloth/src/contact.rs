@@ -457,8 +457,7 @@ fn touch(kind: Kind, x: &[DVec3; 4]) -> Option<([f64; 4], DVec3, f64)> {
             let v = ap.cross(ac).dot(cross) / area;
             let w = ab.cross(ap).dot(cross) / area;
             let inside = v.min(w).min(1.0 - v - w);
-            // A degenerate triangle gives NaN here.
-            if !(inside > -OUTSIDE) {
+            if inside.is_nan() || inside <= -OUTSIDE {
                 return None;
             }
             let normal = cross / area.sqrt();
