@@ -14,7 +14,8 @@ use crate::{Error, Material, Mesh, Settings};
 /// A substep that fails is cut in two, at most so often.
 const MAX_CUTS: u32 = 6;
 
-/// After so many cuts hands are taken for what fails, and held back.
+/// After so many cuts, hands that are further apart than the cloth is long are taken for what fails,
+/// and held back.
 const CUTS_BEFORE_RETREAT: u32 = 2;
 
 /// An inextensible cloth.
@@ -38,6 +39,7 @@ const CUTS_BEFORE_RETREAT: u32 = 2;
 pub struct Simulator {
     pub(crate) settings: Settings,
     pub(crate) material: Material,
+    rest: Vec<DVec3>,
     pub(crate) areas: Vec<f64>,
     pub(crate) rest_lengths: Vec<f64>,
     pub(crate) bending: Matrix,
@@ -63,6 +65,8 @@ pub(crate) struct Hands {
     pub(crate) from: Vec<DVec3>,
     pub(crate) to: Vec<DVec3>,
     pub(crate) is_held: Vec<bool>,
+    /// Whether two of them are to be further apart than they are at rest.
+    apart: bool,
 }
 
 /// Buffers of a substep.
@@ -73,6 +77,7 @@ pub(crate) struct Scratch {
     pub(crate) forces: Vec<DVec3>,
     pub(crate) free: Vec<DVec3>,
     pub(crate) aimed: Vec<DVec3>,
+    pub(crate) last: Vec<DVec3>,
     pub(crate) surfaces: Vec<Surface>,
     pub(crate) sines: Vec<f64>,
     pub(crate) end_sines: Vec<f64>,
@@ -94,6 +99,7 @@ impl Simulator {
         let now = Instant::new(rest, mesh.edges().len(), rows.multipliers.len());
         let zero = vec![DVec3::ZERO; n];
         Ok(Self {
+            rest: rest.to_vec(),
             areas: areas(mesh),
             rest_lengths: mesh.edges().iter().map(length).collect(),
             predictor: Predictor::new(n, &bending, mesh.edges())?,
@@ -113,7 +119,8 @@ impl Simulator {
                 load: zero.clone(),
                 forces: zero.clone(),
                 free: zero.clone(),
-                aimed: zero,
+                aimed: zero.clone(),
+                last: zero,
                 surfaces: vec![Surface::NONE; n],
                 sines: vec![0.0; mesh.quads().len()],
                 end_sines: vec![0.0; mesh.quads().len()],
@@ -236,6 +243,13 @@ impl Simulator {
                 self.now.supports.release(node as usize);
             }
         }
+        let hands = &mut self.hands;
+        let too_far = |a: usize, b: usize| {
+            let [p, q] = [a, b].map(|k| self.rest[hands.nodes[k] as usize]);
+            hands.to[a].distance(hands.to[b]) > (1.0 + self.settings.tolerance) * p.distance(q)
+        };
+        let count = hands.nodes.len();
+        hands.apart = (0..count).any(|a| (0..a).any(|b| too_far(a, b)));
     }
 
     /// A substep from the share `from` of the step to `to`, cut in two as often as it fails.
@@ -248,7 +262,7 @@ impl Simulator {
     ) -> Result<(), Error> {
         self.saved[cuts as usize].copy_from(&self.now);
         let last = cuts >= MAX_CUTS;
-        let retreats: &[f64] = match cuts >= CUTS_BEFORE_RETREAT && !self.hands.nodes.is_empty() {
+        let retreats: &[f64] = match cuts >= CUTS_BEFORE_RETREAT && self.hands.apart {
             true => &[1.0, 0.5, 0.0],
             false => &[1.0],
         };

@@ -84,12 +84,9 @@ impl Simulator {
 
             // How good that is
             ended.strain = self.rows.strain(x);
-            let moved = x
-                .iter()
-                .zip(&self.scratch.free)
-                .map(|(x, free)| x.distance_squared(*free))
-                .fold(0.0, f64::max)
-                .sqrt();
+            let off = farthest(x, &self.scratch.free);
+            let moved = off.min(farthest(x, &self.scratch.last));
+            self.scratch.last.copy_from_slice(x);
             if !(moved.is_finite() && ended.strain < 0.5)
                 || (iteration > 2 && moved > 3.0 * least_moved && moved > 1e-3)
             {
@@ -135,6 +132,7 @@ impl Simulator {
         let scratch = &mut self.scratch;
         scratch.start.copy_from_slice(&self.now.positions);
         scratch.aimed.copy_from_slice(&self.now.positions);
+        scratch.last.fill(DVec3::INFINITY);
         self.nodes.reactions.copy_from_slice(&self.now.reactions);
         self.rows.multipliers.copy_from_slice(&self.now.multipliers);
         self.supports.copy_from(&self.now.supports);
@@ -344,4 +342,10 @@ impl Simulator {
             self.rows.set_exempt(edge_count + k, count > 2);
         }
     }
+}
+
+/// Largest distance between a node's two positions [m].
+fn farthest(a: &[DVec3], b: &[DVec3]) -> f64 {
+    let squared = a.iter().zip(b).map(|(a, b)| a.distance_squared(*b));
+    squared.fold(0.0, f64::max).sqrt()
 }
