@@ -6,6 +6,7 @@
 mod cantilever;
 mod free_flight;
 mod friction;
+mod hands;
 mod hanging;
 mod order;
 mod scene;
