@@ -158,6 +158,9 @@ impl Contacts {
     /// Finds the pairs that may come near on the way from `x` to `guess`; false when there are too
     /// many to be looked at.
     pub(crate) fn find(&mut self, x: &[DVec3], guess: &[DVec3]) -> bool {
+        if crate::TRACE {
+            eprintln!("FIND");
+        }
         let reach = 0.5 * self.thickness + MARGIN;
         let boxes = self.node_boxes.iter_mut().zip(&mut self.ways);
         for ((b, way), (x, g)) in boxes.zip(x.iter().zip(guess)) {

@@ -42,7 +42,7 @@ impl Default for Material {
             gravitational_density: 0.139,
             damping: 0.416,
             bending: 2.5e-5,
-            shear: 40.0,
+            shear: 4.0,
             internal_damping: 1e-2,
             friction_table: 0.2,
             friction_cloth: 0.6,

@@ -296,6 +296,9 @@ impl Rows {
                 *value += compliance(law, self.areas[row - edges]);
             }
         }
+        if crate::TRACE {
+            eprintln!("FACTOR");
+        }
         self.cholesky.factor(&self.values)
     }
 

@@ -11,6 +11,8 @@ pub struct Settings {
     pub substep: f64,
     /// Largest edge strain at the end of a substep.
     pub tolerance: f64,
+    /// The iterations of a substep have converged when the last one moved no node further [m].
+    pub settled: f64,
     /// Iterations after which a substep ends whatever its residual.
     pub iterations: u32,
     /// Gravitational acceleration [m/s^2], along -z.
@@ -24,6 +26,7 @@ impl Default for Settings {
         Self {
             substep: 1.0 / 120.0,
             tolerance: 5e-5,
+            settled: 3e-5,
             iterations: 20,
             gravity: 9.8,
             table: true,
@@ -39,6 +42,7 @@ impl Settings {
     pub fn check(&self) -> Result<(), Error> {
         Error::check_positive("substep [s]", self.substep)?;
         Error::check_positive("tolerance", self.tolerance)?;
+        Error::check_positive("settled [m]", self.settled)?;
         Error::check_positive("iterations", f64::from(self.iterations))?;
         Error::check_not_negative("gravity [m/s^2]", self.gravity)
     }

@@ -22,11 +22,9 @@ use crate::rows::ShearLaw;
 use crate::support::Surface;
 use crate::{Error, RECOVERY, Simulator};
 
-/// The iterations have converged when the last one moved no node further [m].
-const SETTLED: f64 = 1e-5;
-/// ... and no free node is so far below a surface [m].
+/// The iterations have converged when no free node is so far below a surface [m] ...
 const SUNK: f64 = 1e-7;
-/// The same for layers, which are a thickness apart [m].
+/// ... and no layers are so much too near, which are a thickness apart [m].
 const TOO_NEAR: f64 = 1e-4;
 
 /// How a substep ended.
@@ -104,8 +102,46 @@ impl Simulator {
                         .lack(node, &self.scratch.surfaces[node], start[node], x[node], h)
                 })
                 .fold(0.0, f64::max);
+            if crate::TRACE && iteration == 0 && moved > 1e-3 {
+                let k = (0..n)
+                    .max_by(|&a, &b| {
+                        x[a].distance(self.scratch.free[a])
+                            .total_cmp(&x[b].distance(self.scratch.free[b]))
+                    })
+                    .unwrap_or(0);
+                eprintln!(
+                    "NODE {k} kept {:?} v {:?} x0 {:?} free-x0 {:?} x-x0 {:?} R {:?}",
+                    self.nodes.kept[k],
+                    self.now.velocities[k],
+                    start[k],
+                    self.scratch.free[k] - start[k],
+                    x[k] - start[k],
+                    self.nodes.reactions[k]
+                );
+                for (e, [p, q]) in self.rows.edges().iter().enumerate() {
+                    if *p as usize == k || *q as usize == k {
+                        eprintln!(
+                            "     edge {p}-{q} lam {:.4e} -> {:.4e} dir {:?}",
+                            self.now.multipliers[e],
+                            self.rows.multipliers[e],
+                            (start[*q as usize] - start[*p as usize])
+                        );
+                    }
+                }
+            }
+            if crate::TRACE {
+                eprintln!(
+                    "   it {iteration} strain {:.2e} moved {:.2e} sunk {:.1e} lack {:.1e} changed {changed} aim {aim} loose {} contacts {}",
+                    ended.strain,
+                    moved,
+                    sunk,
+                    self.contacts.lack(x),
+                    self.nodes.looseness,
+                    self.contacts.active_count()
+                );
+            }
             if ended.strain <= self.settings.tolerance
-                && moved <= SETTLED
+                && moved <= self.settings.settled
                 && sunk <= SUNK
                 && self.contacts.lack(x) <= TOO_NEAR
             {
@@ -113,11 +149,11 @@ impl Simulator {
             }
 
             // What the next iteration does
-            if ended.strain > 0.7 * last_strain && moved < SETTLED && iteration > 1 {
+            if ended.strain > 0.7 * last_strain && moved < self.settings.settled && iteration > 1 {
                 // Only edges between sticking nodes are left: pull harder
                 self.nodes.looseness = (0.25 * self.nodes.looseness).max(0.01);
                 self.stale = true;
-            } else if self.nodes.looseness < 1.0 && moved > SETTLED {
+            } else if self.nodes.looseness < 1.0 && moved > self.settings.settled {
                 self.nodes.looseness = 1.0;
                 self.stale = true;
             }
@@ -227,7 +263,7 @@ impl Simulator {
     }
 
     /// Puts held nodes where they belong and lets every other node rest, slide or leave; true when
-    /// one came to rest or left.
+    /// one left its surface.
     fn correct_ties(&mut self, h: f64, share: f64, reach: f64) -> bool {
         let (scratch, x) = (&self.scratch, &mut self.now.positions);
         let mut changed = false;

@@ -101,7 +101,7 @@ impl Supports {
     }
 
     /// Decides how a node at `x`, which was at `start`, rests, and puts it there; true when it
-    /// came to rest or left.
+    /// left its surface.
     pub(crate) fn update(
         &mut self,
         node: usize,
@@ -161,7 +161,7 @@ impl Supports {
         let place = start + motion;
         let place = place + normal * (offset - normal.dot(place));
         nodes.place(node, place, x);
-        before == Rest::No
+        false
     }
 
     /// How far below its surface the node is [m].
