@@ -126,7 +126,7 @@ fn a_strip_between_two_pins_is_a_catenary() {
             ..Material::default()
         };
         let settings = Settings {
-            tolerance: 1e-8,
+            settled: 1e-8,
             ..air()
         };
         let mut cloth = simulator(&mesh, material, settings);

@@ -8,5 +8,7 @@ mod free_flight;
 mod friction;
 mod hands;
 mod hanging;
+mod layers;
 mod order;
 mod scene;
+mod state;
