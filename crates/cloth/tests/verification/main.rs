@@ -9,6 +9,7 @@ mod friction;
 mod hands;
 mod hanging;
 mod layers;
+mod layers_stay_apart;
 mod order;
 mod scene;
 mod state;
