@@ -39,9 +39,16 @@ pub(crate) struct Cells {
     count: [i32; 3],
     start: Vec<u32>,
     items: Vec<u32>,
+    /// The cells that each box is in.
+    ranges: Vec<Range>,
 }
 
-type Range = [[i32; 2]; 3];
+/// First and last cell along each axis.
+#[derive(Clone, Copy, Debug, Default)]
+struct Range {
+    first: [i32; 3],
+    last: [i32; 3],
+}
 
 impl Cells {
     /// Sorts the boxes into cells of about `size` [m].
@@ -60,73 +67,72 @@ impl Cells {
         self.origin = all.low;
         self.per_metre = 1.0 / size;
         self.count = cells(size).to_array().map(|n| n as i32);
+        let mut ranges = std::mem::take(&mut self.ranges);
+        ranges.clear();
+        ranges.extend(boxes.iter().map(|b| self.range(b)));
         let total = self.count.iter().product::<i32>() as usize;
         self.start.clear();
         self.start.resize(total + 2, 0);
-        for b in boxes {
-            let range = self.range(b);
-            self.visit(&range, |start, cell| start[cell + 2] += 1);
+        for range in &ranges {
+            self.cells_of(range, |start, cell| start[cell + 2] += 1);
         }
         for cell in 2..self.start.len() {
             self.start[cell] += self.start[cell - 1];
         }
-        let entries = self.start[total + 1] as usize;
         let mut items = std::mem::take(&mut self.items);
         items.clear();
-        items.resize(entries, 0);
-        for (k, b) in boxes.iter().enumerate() {
-            let range = self.range(b);
-            self.visit(&range, |start, cell| {
+        items.resize(self.start[total + 1] as usize, 0);
+        for (k, range) in ranges.iter().enumerate() {
+            self.cells_of(range, |start, cell| {
                 items[start[cell + 1] as usize] = k as u32;
                 start[cell + 1] += 1;
             });
         }
-        self.items = items;
+        (self.items, self.ranges) = (items, ranges);
     }
 
     fn range(&self, b: &Bounds) -> Range {
-        let (low, high) = (
-            ((b.low - self.origin) * self.per_metre).to_array(),
-            ((b.high - self.origin) * self.per_metre).to_array(),
-        );
-        [0, 1, 2].map(|k| {
-            let last = self.count[k] - 1;
-            [
-                (low[k] as i32).clamp(0, last),
-                (high[k] as i32).clamp(0, last),
-            ]
-        })
+        let low = (b.low - self.origin) * self.per_metre;
+        let high = (b.high - self.origin) * self.per_metre;
+        let mut range = Range::default();
+        for axis in 0..3 {
+            let most = self.count[axis] - 1;
+            range.first[axis] = (low[axis] as i32).clamp(0, most);
+            range.last[axis] = (high[axis] as i32).clamp(0, most);
+        }
+        range
     }
 
-    fn visit(&mut self, range: &Range, mut f: impl FnMut(&mut [u32], usize)) {
-        for z in range[2][0]..=range[2][1] {
-            for y in range[1][0]..=range[1][1] {
+    #[inline]
+    fn cells_of(&mut self, range: &Range, mut f: impl FnMut(&mut [u32], usize)) {
+        let Range { first, last } = *range;
+        for z in first[2]..=last[2] {
+            for y in first[1]..=last[1] {
                 let row = (z * self.count[1] + y) * self.count[0];
-                for x in range[0][0]..=range[0][1] {
+                for x in first[0]..=last[0] {
                     f(&mut self.start, (row + x) as usize);
                 }
             }
         }
     }
 
-    /// Calls `f` with each box that overlaps `b`, once, in a fixed order.
+    /// Calls `f` with each of the sorted boxes that overlaps `b`, once, in a fixed order.
+    #[inline]
     pub(crate) fn overlaps(&self, b: &Bounds, boxes: &[Bounds], mut f: impl FnMut(u32)) {
-        let range = self.range(b);
-        for z in range[2][0]..=range[2][1] {
-            for y in range[1][0]..=range[1][1] {
+        let Range { first, last } = self.range(b);
+        for z in first[2]..=last[2] {
+            for y in first[1]..=last[1] {
                 let row = (z * self.count[1] + y) * self.count[0];
-                for x in range[0][0]..=range[0][1] {
+                for x in first[0]..=last[0] {
                     let cell = (row + x) as usize;
                     let items = self.start[cell] as usize..self.start[cell + 1] as usize;
                     for &k in &self.items[items] {
-                        let other = &boxes[k as usize];
-                        if !b.overlaps(other) {
-                            continue;
-                        }
                         // Only in the first cell that both are in.
-                        let theirs = self.range(other);
-                        let owner = [0, 1, 2].map(|k| range[k][0].max(theirs[k][0]));
-                        if owner == [x, y, z] {
+                        let theirs = &self.ranges[k as usize].first;
+                        let owner = x == first[0].max(theirs[0])
+                            && y == first[1].max(theirs[1])
+                            && z == first[2].max(theirs[2]);
+                        if owner && b.overlaps(&boxes[k as usize]) {
                             f(k);
                         }
                     }

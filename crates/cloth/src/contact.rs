@@ -28,7 +28,7 @@ const CROSSING: f64 = 0.05;
 /// Contacts are kept as they are while no node has moved further [m].
 const STILL: f64 = 5e-6;
 /// Pairs are looked for so many substeps ahead.
-const AHEAD: f64 = 1.5;
+const AHEAD: f64 = 0.3;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Pair {
@@ -158,9 +158,6 @@ impl Contacts {
     /// Finds the pairs that may come near on the way from `x` to `guess`; false when there are too
     /// many to be looked at.
     pub(crate) fn find(&mut self, x: &[DVec3], guess: &[DVec3]) -> bool {
-        if crate::TRACE {
-            eprintln!("FIND");
-        }
         let reach = 0.5 * self.thickness + MARGIN;
         let boxes = self.node_boxes.iter_mut().zip(&mut self.ways);
         for ((b, way), (x, g)) in boxes.zip(x.iter().zip(guess)) {
@@ -460,8 +457,7 @@ fn touch(kind: Kind, x: &[DVec3; 4]) -> Option<([f64; 4], DVec3, f64)> {
             let v = ap.cross(ac).dot(cross) / area;
             let w = ab.cross(ap).dot(cross) / area;
             let inside = v.min(w).min(1.0 - v - w);
-            // A degenerate triangle gives NaN here.
-            if !(inside > -OUTSIDE) {
+            if inside.is_nan() || inside <= -OUTSIDE {
                 return None;
             }
             let normal = cross / area.sqrt();

@@ -27,7 +27,6 @@ pub use state::State;
 
 /// Squeezed edges get their length back within this time after their release [s].
 pub const RECOVERY: f64 = 0.5;
-pub(crate) const TRACE: bool = option_env!("CLOTH_TRACE").is_some();
 
 /// Why a mesh or a material was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

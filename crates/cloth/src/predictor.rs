@@ -106,9 +106,6 @@ impl Predictor {
             self.values[q as usize] += stiffness;
             self.values[pq as usize] -= stiffness;
         }
-        if crate::TRACE {
-            eprintln!("EFACTOR");
-        }
         self.cholesky.factor(&self.values)
     }
 

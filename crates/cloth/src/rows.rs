@@ -296,9 +296,6 @@ impl Rows {
                 *value += compliance(law, self.areas[row - edges]);
             }
         }
-        if crate::TRACE {
-            eprintln!("FACTOR");
-        }
         self.cholesky.factor(&self.values)
     }
 

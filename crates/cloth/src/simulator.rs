@@ -255,9 +255,6 @@ impl Simulator {
         let mut failure = None;
         for &reach in retreats {
             let outcome = self.substep(h, to, reach, last);
-            if crate::TRACE {
-                eprintln!("h {h:.2e} t {:.4} reach {reach} {outcome:?}", self.now.time);
-            }
             if let Ok(ended) = &outcome {
                 report.iterations += ended.iterations;
                 let good = ended.free >= 1.0 && ended.strain <= 2.0 * self.settings.tolerance;

@@ -102,44 +102,6 @@ impl Simulator {
                         .lack(node, &self.scratch.surfaces[node], start[node], x[node], h)
                 })
                 .fold(0.0, f64::max);
-            if crate::TRACE && iteration == 0 && moved > 1e-3 {
-                let k = (0..n)
-                    .max_by(|&a, &b| {
-                        x[a].distance(self.scratch.free[a])
-                            .total_cmp(&x[b].distance(self.scratch.free[b]))
-                    })
-                    .unwrap_or(0);
-                eprintln!(
-                    "NODE {k} kept {:?} v {:?} x0 {:?} free-x0 {:?} x-x0 {:?} R {:?}",
-                    self.nodes.kept[k],
-                    self.now.velocities[k],
-                    start[k],
-                    self.scratch.free[k] - start[k],
-                    x[k] - start[k],
-                    self.nodes.reactions[k]
-                );
-                for (e, [p, q]) in self.rows.edges().iter().enumerate() {
-                    if *p as usize == k || *q as usize == k {
-                        eprintln!(
-                            "     edge {p}-{q} lam {:.4e} -> {:.4e} dir {:?}",
-                            self.now.multipliers[e],
-                            self.rows.multipliers[e],
-                            (start[*q as usize] - start[*p as usize])
-                        );
-                    }
-                }
-            }
-            if crate::TRACE {
-                eprintln!(
-                    "   it {iteration} strain {:.2e} moved {:.2e} sunk {:.1e} lack {:.1e} changed {changed} aim {aim} loose {} contacts {}",
-                    ended.strain,
-                    moved,
-                    sunk,
-                    self.contacts.lack(x),
-                    self.nodes.looseness,
-                    self.contacts.active_count()
-                );
-            }
             if ended.strain <= self.settings.tolerance
                 && moved <= self.settings.settled
                 && sunk <= SUNK

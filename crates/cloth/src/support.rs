@@ -73,11 +73,6 @@ impl Supports {
         self.slides.copy_from_slice(&other.slides);
     }
 
-    pub(crate) fn clear(&mut self) {
-        self.rests.fill(Rest::No);
-        self.slides.fill(DVec3::ZERO);
-    }
-
     /// A held node rests on nothing.
     pub(crate) fn release(&mut self, node: usize) {
         self.rests[node] = Rest::No;
