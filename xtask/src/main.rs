@@ -10,6 +10,7 @@ mod experiments;
 mod layers;
 mod progress;
 mod report;
+mod scenes;
 mod test;
 mod workspace;
 
@@ -30,6 +31,8 @@ enum Command {
     Experiments(experiments::Arguments),
     /// Time the folds of a scenario on one thread.
     BenchFold(bench_fold::Arguments),
+    /// Simulate scenes with a known answer and record them.
+    Scenes(scenes::Arguments),
     /// Run every test, doctest and example.
     Test(test::Arguments),
     /// Check which crate needs which, and where heavy packages are named.
@@ -42,6 +45,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Experiments(arguments) => experiments::run(&arguments),
         Command::BenchFold(arguments) => bench_fold::run(&arguments),
+        Command::Scenes(arguments) => scenes::run(&arguments),
         Command::Test(arguments) => test::run(&arguments),
         Command::Layers => layers::run(),
         Command::Ci => ci::run(),
