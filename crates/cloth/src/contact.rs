@@ -13,7 +13,7 @@ use selvedge_math::DVec3;
 use crate::Mesh;
 use crate::broad::{Bounds, Cells};
 use crate::distance::{Kind, combine, free_way, weights};
-use crate::nodes::Nodes;
+use crate::nodes::{Kept, Nodes};
 
 /// A pair is a contact when it may come so near the thickness within a substep [m].
 const MARGIN: f64 = 5e-4;
@@ -311,6 +311,23 @@ impl Contacts {
                 mobility[1] += w * w * nodes.mobility(k);
             }
             if mobility[0] <= 0.0 {
+                // Between hands and supports: no penetration comes before targets
+                let held = |k: usize| {
+                    if nodes.kept[k] == Kept::Fixed {
+                        1.0
+                    } else {
+                        0.0
+                    }
+                };
+                let weights = [0, 1, 2, 3].map(|k| c.weights[k] * held(ids[k]));
+                let sum: f64 = weights.iter().map(|w| w * w).sum();
+                if sum > 0.0 && gap < 0.0 {
+                    for (&k, w) in ids.iter().zip(weights) {
+                        let shift = c.normal * (-gap * w / sum);
+                        x[k] += shift;
+                        nodes.yielded[k] += shift;
+                    }
+                }
                 continue;
             }
             lack = lack.max(-gap);

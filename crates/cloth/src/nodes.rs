@@ -28,6 +28,8 @@ pub(crate) struct Nodes {
     pub(crate) looseness: f64,
     /// Forces of the ties [N].
     pub(crate) reactions: Vec<DVec3>,
+    /// How far hands give way to layers that nothing else can move [m].
+    pub(crate) yielded: Vec<DVec3>,
 }
 
 impl Nodes {
@@ -37,6 +39,7 @@ impl Nodes {
             kept: vec![Kept::Free; node_count],
             looseness: 1.0,
             reactions: vec![DVec3::ZERO; node_count],
+            yielded: vec![DVec3::ZERO; node_count],
         }
     }
 

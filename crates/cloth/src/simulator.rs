@@ -18,6 +18,12 @@ const MAX_CUTS: u32 = 6;
 /// and held back.
 const CUTS_BEFORE_RETREAT: u32 = 2;
 
+/// Layers may come too near by this share of a thickness before a substep is cut.
+const MOST_TOO_NEAR: f64 = 0.2;
+
+/// Hands that are late catch up no faster [m/s].
+const CATCH_UP: f64 = 6.0;
+
 /// An inextensible cloth.
 ///
 /// ```
@@ -210,7 +216,7 @@ impl Simulator {
         self.contacts.forget();
     }
 
-    fn set_hands(&mut self, held: Held<'_>) {
+    fn set_hands(&mut self, held: Held<'_>, dt: f64) {
         let hands = &mut self.hands;
         let same = hands.nodes.len() == held.nodes.len() + self.pinned.len()
             && held
@@ -238,8 +244,12 @@ impl Simulator {
             if !*is_held {
                 *is_held = true;
                 hands.nodes.push(node);
-                hands.from.push(self.now.positions[node as usize]);
-                hands.to.push(target);
+                let from = self.now.positions[node as usize];
+                hands.from.push(from);
+                let way = target - from;
+                hands
+                    .to
+                    .push(from + way * (CATCH_UP * dt / way.length()).min(1.0));
                 self.now.supports.release(node as usize);
             }
         }
@@ -271,7 +281,12 @@ impl Simulator {
             let outcome = self.substep(h, to, reach, last);
             if let Ok(ended) = &outcome {
                 report.iterations += ended.iterations;
-                let good = ended.free >= 1.0 && ended.strain <= 2.0 * self.settings.tolerance;
+                let worse = self.saved[cuts as usize].gap - 1e-2 * self.material.thickness;
+                let near = ended.gap.is_some_and(|gap| {
+                    gap < -MOST_TOO_NEAR * self.material.thickness && gap < worse
+                });
+                let solved = ended.unsolved <= 2.0 * self.settings.tolerance;
+                let good = ended.free >= 1.0 && solved && !near;
                 if good || last {
                     let most = |a: Option<f64>, b: f64| Some(a.map_or(b, |a| a.max(b)));
                     report.strain = most(report.strain, ended.strain);
@@ -281,7 +296,7 @@ impl Simulator {
                     }
                     if !good {
                         report.status = Status::IterationLimit {
-                            residual: ended.strain,
+                            residual: ended.unsolved,
                             tolerance: self.settings.tolerance,
                         };
                     }
@@ -318,7 +333,7 @@ impl ClothSimulator for Simulator {
             return Err(SimulatorError::NotFinite { node });
         }
         self.saved[MAX_CUTS as usize + 1].copy_from(&self.now);
-        self.set_hands(held);
+        self.set_hands(held, dt);
         let mut report = StepReport::default();
         let count = (dt / self.settings.substep - 1e-9).ceil().max(1.0);
         for k in 0..count as u32 {

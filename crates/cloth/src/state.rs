@@ -35,6 +35,8 @@ impl State {
 #[derive(Clone, Debug)]
 pub(crate) struct Instant {
     pub(crate) time: f64,
+    /// How much too near layers are [m], not above zero.
+    pub(crate) gap: f64,
     pub(crate) positions: Vec<DVec3>,
     pub(crate) velocities: Vec<DVec3>,
     /// Forces of the rows and of the ties, see `Rows` and `Nodes`.
@@ -51,6 +53,7 @@ impl Instant {
         let n = rest.len();
         Self {
             time: 0.0,
+            gap: 0.0,
             positions: rest.to_vec(),
             velocities: vec![DVec3::ZERO; n],
             multipliers: vec![0.0; row_count],
@@ -62,6 +65,7 @@ impl Instant {
 
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.time = other.time;
+        self.gap = other.gap;
         self.positions.copy_from_slice(&other.positions);
         self.velocities.copy_from_slice(&other.velocities);
         self.multipliers.copy_from_slice(&other.multipliers);

@@ -27,11 +27,16 @@ const SUNK: f64 = 1e-7;
 /// ... and no layers are so much too near, which are a thickness apart [m].
 const TOO_NEAR: f64 = 1e-4;
 
+/// Edges may get longer by so much without another correction of the velocities [m/s].
+const SLOW: f64 = 1e-4;
+
 /// How a substep ended.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Ended {
     pub(crate) iterations: u32,
     pub(crate) strain: f64,
+    /// The part of the strain that is no answer to tension.
+    pub(crate) unsolved: f64,
     pub(crate) shear: f64,
     pub(crate) gap: Option<f64>,
     /// Share of the way without collisions.
@@ -53,6 +58,7 @@ impl Simulator {
         let mut ended = Ended::default();
         let (mut aim, mut last_strain) = (true, f64::INFINITY);
         let (mut last_moved, mut least_moved) = (f64::INFINITY, f64::INFINITY);
+        let mut last_change = f64::NAN;
         for iteration in 0..self.settings.iterations {
             ended.iterations += 1;
             self.solve();
@@ -83,11 +89,21 @@ impl Simulator {
             }
 
             // How good that is
-            ended.strain = self.rows.strain(x);
-            let off = farthest(x, &self.scratch.free);
-            let moved = off.min(farthest(x, &self.scratch.last));
+            let [strain, unsolved] = self.rows.strain(x);
+            (ended.strain, ended.unsolved) = (strain, unsolved);
+            // The forces still change where they do not matter: what counts is where the nodes go, as
+            // far as can be told from how the changes shrink
+            let change = farthest(x, &self.scratch.last);
+            let ratio = (change / last_change).min(0.99);
+            let left = if ratio.is_nan() {
+                f64::INFINITY
+            } else {
+                change * ratio / (1.0 - ratio)
+            };
+            let moved = farthest(x, &self.scratch.free).min(left.max(0.1 * change));
+            last_change = change;
             self.scratch.last.copy_from_slice(x);
-            if !(moved.is_finite() && ended.strain < 0.5)
+            if !(moved.is_finite() && strain < 0.5)
                 || (iteration > 2 && moved > 3.0 * least_moved && moved > 1e-3)
             {
                 return Err(Error::Diverged);
@@ -99,7 +115,7 @@ impl Simulator {
                         .lack(node, &self.scratch.surfaces[node], start[node], x[node], h)
                 })
                 .fold(0.0, f64::max);
-            if ended.strain <= self.settings.tolerance
+            if unsolved <= self.settings.tolerance
                 && moved <= self.settings.settled
                 && sunk <= SUNK
                 && self.contacts.lack(x) <= TOO_NEAR
@@ -108,7 +124,7 @@ impl Simulator {
             }
 
             // What the next iteration does
-            if ended.strain > 0.7 * last_strain && moved < self.settings.settled && iteration > 1 {
+            if unsolved > 0.7 * last_strain && moved < self.settings.settled && iteration > 1 {
                 // Only edges between sticking nodes are left: pull harder
                 self.nodes.looseness = (0.25 * self.nodes.looseness).max(0.01);
                 self.stale = true;
@@ -120,9 +136,9 @@ impl Simulator {
                 ended.strain > 0.3 * last_strain && ended.strain > 0.3 * self.settings.tolerance;
             aim = iteration < 2 || moved < 0.3 * last_moved;
             least_moved = least_moved.min(moved);
-            (last_moved, last_strain) = (moved, ended.strain);
+            (last_moved, last_strain) = (moved, unsolved);
         }
-        self.end(h, last, &mut ended)?;
+        self.end(h, law, last, &mut ended)?;
         Ok(ended)
     }
 
@@ -134,6 +150,7 @@ impl Simulator {
         scratch.aimed.copy_from_slice(&self.now.positions);
         scratch.last.fill(DVec3::INFINITY);
         self.nodes.reactions.copy_from_slice(&self.now.reactions);
+        self.nodes.yielded.fill(DVec3::ZERO);
         self.rows.multipliers.copy_from_slice(&self.now.multipliers);
         self.supports.copy_from(&self.now.supports);
         self.set_lengths(h);
@@ -231,8 +248,9 @@ impl Simulator {
             let node = node as usize;
             let start = scratch.start[node];
             let target = self.hands.from[k].lerp(self.hands.to[k], share);
-            // Not below a surface: that comes before targets.
-            let target = scratch.surfaces[node].lift(start + reach * (target - start));
+            // No penetration comes before targets.
+            let target = start + reach * (target - start) + self.nodes.yielded[node];
+            let target = scratch.surfaces[node].lift(target);
             self.nodes.place(node, target, &mut x[node]);
         }
         for node in 0..x.len() {
@@ -247,7 +265,7 @@ impl Simulator {
     }
 
     /// Looks for collisions on the way and sets the velocities.
-    fn end(&mut self, h: f64, last: bool, ended: &mut Ended) -> Result<(), Error> {
+    fn end(&mut self, h: f64, law: ShearLaw, last: bool, ended: &mut Ended) -> Result<(), Error> {
         let (start, x) = (&self.scratch.start, &mut self.now.positions);
         if !self.contacts.covers(x) && !self.contacts.find(start, x) {
             return Err(Error::Crowded);
@@ -259,7 +277,7 @@ impl Simulator {
             for (x, start) in x.iter_mut().zip(start) {
                 *x = start.lerp(*x, 0.9 * ended.free);
             }
-            ended.strain = self.rows.strain(x);
+            [ended.strain, ended.unsolved] = self.rows.strain(x);
         }
         self.rows.sines(x, &mut self.scratch.end_sines);
         ended.shear = self
@@ -267,17 +285,18 @@ impl Simulator {
             .end_sines
             .iter()
             .fold(0.0, |m: f64, s| m.max(s.abs()));
-        self.set_velocities(h);
+        self.set_velocities(h, law)?;
         self.now.multipliers.copy_from_slice(&self.rows.multipliers);
         self.now.reactions.copy_from_slice(&self.nodes.reactions);
         self.now.supports.copy_from(&self.supports);
+        self.now.gap = ended.gap.unwrap_or(0.0).min(0.0);
         self.now.time += h;
         Ok(())
     }
 
     /// `v_1 = 2 u/h - v_0`, then impacts without rebound, then no velocity along the edges: what the
     /// positions do not allow, the velocities must not have.
-    fn set_velocities(&mut self, h: f64) {
+    fn set_velocities(&mut self, h: f64, law: ShearLaw) -> Result<(), Error> {
         let (x, velocities) = (&self.now.positions, &mut self.now.velocities);
         let scratch = &mut self.scratch;
         for (node, v) in velocities.iter_mut().enumerate() {
@@ -293,11 +312,26 @@ impl Simulator {
         for _ in 0..2 {
             self.contacts.impact(velocities, &mut self.nodes);
         }
-        self.rows
-            .correct_velocities(x, velocities, &scratch.length_rates, &mut scratch.forces);
-        for (node, (v, impulse)) in velocities.iter_mut().zip(&scratch.forces).enumerate() {
-            *v += self.nodes.respond(node, *impulse);
+        self.rows.set_gradients(x, x);
+        let rates = &scratch.length_rates;
+        let before = self.rows.stretch_rate(velocities, rates);
+        scratch.free.copy_from_slice(velocities);
+        for fresh in [false, true] {
+            if fresh {
+                self.rows.factor(&self.nodes, law)?;
+            }
+            self.rows
+                .correct_velocities(velocities, rates, &mut scratch.forces);
+            for (node, (v, impulse)) in velocities.iter_mut().zip(&scratch.forces).enumerate() {
+                *v += self.nodes.respond(node, *impulse);
+            }
+            // The last factor may be that of too different a shape.
+            if self.rows.stretch_rate(velocities, rates) <= 0.3 * before.max(SLOW) {
+                return Ok(());
+            }
+            velocities.copy_from_slice(&scratch.free);
         }
+        Ok(())
     }
 
     /// Which edges are imposed and how long they are to be at the end of the substep.
