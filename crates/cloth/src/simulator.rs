@@ -285,7 +285,8 @@ impl Simulator {
                 let near = ended.gap.is_some_and(|gap| {
                     gap < -MOST_TOO_NEAR * self.material.thickness && gap < worse
                 });
-                let solved = ended.unsolved <= 2.0 * self.settings.tolerance;
+                let tolerance = self.settings.tolerance;
+                let solved = ended.unsolved <= 2.0 * tolerance && ended.strain <= 10.0 * tolerance;
                 let good = ended.free >= 1.0 && solved && !near;
                 if good || last {
                     let most = |a: Option<f64>, b: f64| Some(a.map_or(b, |a| a.max(b)));
@@ -296,8 +297,8 @@ impl Simulator {
                     }
                     if !good {
                         report.status = Status::IterationLimit {
-                            residual: ended.unsolved,
-                            tolerance: self.settings.tolerance,
+                            residual: ended.strain,
+                            tolerance,
                         };
                     }
                     return Ok(());

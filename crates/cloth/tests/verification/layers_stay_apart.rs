@@ -198,7 +198,6 @@ fn crumpling_sheets_do_not_cross_themselves() {
 
 /// Nothing is nearer than four fifths of the thickness, in impacts too.
 #[test]
-#[ignore = "in impacts layers come up to 0.4 thicknesses too near for a substep: contacts keep their first normals"]
 fn crumpling_sheets_keep_their_layers_apart() {
     for worst in [heap(), on_its_corner()] {
         assert!(
