@@ -21,6 +21,9 @@ const CUTS_BEFORE_RETREAT: u32 = 2;
 /// Layers may come too near by this share of a thickness before a substep is cut.
 const MOST_TOO_NEAR: f64 = 0.2;
 
+/// Tension may stretch edges by so much before it is taken for more than a cloth can bear.
+const MOST_STRAIN: f64 = 5e-4;
+
 /// Hands that are late catch up no faster [m/s].
 const CATCH_UP: f64 = 6.0;
 
@@ -286,7 +289,7 @@ impl Simulator {
                     gap < -MOST_TOO_NEAR * self.material.thickness && gap < worse
                 });
                 let tolerance = self.settings.tolerance;
-                let solved = ended.unsolved <= 2.0 * tolerance && ended.strain <= 10.0 * tolerance;
+                let solved = ended.unsolved <= 2.0 * tolerance && ended.strain <= MOST_STRAIN;
                 let good = ended.free >= 1.0 && solved && !near;
                 if good || last {
                     let most = |a: Option<f64>, b: f64| Some(a.map_or(b, |a| a.max(b)));
