@@ -276,7 +276,7 @@ impl Simulator {
         self.saved[cuts as usize].copy_from(&self.now);
         let last = cuts >= MAX_CUTS;
         let retreats: &[f64] = match cuts >= CUTS_BEFORE_RETREAT && self.hands.apart {
-            true => &[1.0, 0.5, 0.0],
+            true => &[1.0, 0.5, 0.0, -0.5],
             false => &[1.0],
         };
         let mut failure = None;
@@ -289,7 +289,13 @@ impl Simulator {
                     gap < -MOST_TOO_NEAR * self.material.thickness && gap < worse
                 });
                 let tolerance = self.settings.tolerance;
-                let solved = ended.unsolved <= 2.0 * tolerance && ended.strain <= MOST_STRAIN;
+                // Where hands have already stopped, there must be a way on.
+                let most_strain = if reach > 0.0 {
+                    MOST_STRAIN
+                } else {
+                    1.8 * MOST_STRAIN
+                };
+                let solved = ended.unsolved <= 2.0 * tolerance && ended.strain <= most_strain;
                 let good = ended.free >= 1.0 && solved && !near;
                 if good || last {
                     let most = |a: Option<f64>, b: f64| Some(a.map_or(b, |a| a.max(b)));
