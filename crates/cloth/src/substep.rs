@@ -253,12 +253,12 @@ impl Simulator {
             let target = scratch.surfaces[node].lift(target);
             self.nodes.place(node, target, &mut x[node]);
         }
-        for node in 0..x.len() {
+        for (node, x) in x.iter_mut().enumerate() {
             if !self.hands.is_held[node] {
                 let (surface, start) = (&scratch.surfaces[node], scratch.start[node]);
-                changed |=
-                    self.supports
-                        .update(node, surface, start, &mut x[node], &mut self.nodes, h);
+                changed |= self
+                    .supports
+                    .update(node, surface, start, x, &mut self.nodes, h);
             }
         }
         changed
