@@ -20,11 +20,12 @@ pub struct Material {
     pub damping: f64,
     /// Bending stiffness `kappa` [N m] of the energy `kappa/2 int |lap x|^2`.
     pub bending: f64,
-    /// Shear stiffness [N/m] of the energy `G/2 int sin^2(shear angle)`. Plain weaves have some 10
-    /// to 60 N/m (Kawabata 1980: 0.2 to 1 gf/(cm deg), 1 gf/(cm deg) = 56 N/m).
+    /// Shear stiffness `G` [N/m] of the energy `G/2 int sin^2(shear angle)`. The default is what the
+    /// rows of the published scheme amount to inside its mesh, `16 rho dx dy / c` = 4 N/m. Plain weaves
+    /// have some 10 to 60 N/m (Kawabata 1980: 0.2 to 1 gf/(cm deg), 1 gf/(cm deg) = 56 N/m).
     pub shear: f64,
     /// Internal damping [s]: a shear or bending force has the share `internal_damping d/dt` added
-    /// (Kelvin and Voigt), so that a mode of angular frequency `w` has the damping ratio
+    /// (Kelvin, Voigt), so that a mode of angular frequency `w` has the damping ratio
     /// `internal_damping w / 2`.
     pub internal_damping: f64,
     /// Coulomb coefficient between cloth and table.

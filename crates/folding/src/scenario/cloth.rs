@@ -104,6 +104,7 @@ impl DefaultTable {
             return Err(check.value("solver.default.substep_s", substep, bound));
         }
         check.above("solver.default.tolerance", self.tolerance, 0.0, 1.0)?;
+        check.above("solver.default.settled_m", self.settled_m, 0.0, 1.0)?;
         if !(1..=MAX_ITERATIONS).contains(&self.iterations) {
             let bound = format!("from 1 to {MAX_ITERATIONS}");
             return Err(check.value("solver.default.iterations", self.iterations, bound));
@@ -111,6 +112,7 @@ impl DefaultTable {
         Ok(selvedge_cloth::Settings {
             substep,
             tolerance: self.tolerance,
+            settled: self.settled_m,
             iterations: self.iterations,
             gravity,
             ..Default::default()

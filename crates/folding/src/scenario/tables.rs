@@ -56,6 +56,7 @@ pub(super) struct SolverTable {
 pub(super) struct DefaultTable {
     pub(super) substep_s: f64,
     pub(super) tolerance: f64,
+    pub(super) settled_m: f64,
     pub(super) iterations: u32,
 }
 
@@ -64,12 +65,14 @@ impl Default for DefaultTable {
         let selvedge_cloth::Settings {
             substep,
             tolerance,
+            settled,
             iterations,
             ..
         } = selvedge_cloth::Settings::default();
         Self {
             substep_s: substep,
             tolerance,
+            settled_m: settled,
             iterations,
         }
     }
