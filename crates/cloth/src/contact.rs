@@ -27,6 +27,9 @@ const LEAST_SHARE: f64 = 0.1;
 const OUTSIDE: f64 = 0.02;
 /// Edges that are nearly parallel have no common normal; nodes over triangles separate them.
 const CROSSING: f64 = 0.05;
+/// With table and obstacles mobility is none that makes nodes move much further along their ties than
+/// the contact asks for.
+const LEVER: f64 = 0.01;
 /// Mobility that is none, as a share of that of free nodes.
 const TRIFLE: f64 = 1e-9;
 /// Contacts are kept as they are while no node has moved further [m].
@@ -389,7 +392,8 @@ impl Contacts {
             }
             // Rounding leaves a trifle where ties leave nothing.
             let inverse = |(&k, w): (&usize, f64)| w * w * nodes.inverse(k);
-            let least = TRIFLE * ids.iter().zip(c.weights).map(inverse).sum::<f64>();
+            let share = if c.ground.is_some() { LEVER } else { TRIFLE };
+            let least = share * ids.iter().zip(c.weights).map(inverse).sum::<f64>();
             if mobility[0] <= least && c.ground.is_some() {
                 // Nodes that stick: press on, until they slide or leave.
                 let along = |(&k, w): (&usize, f64)| w * w * nodes.prospect_along(k, c.normal);
