@@ -27,11 +27,9 @@ const LEAST_SHARE: f64 = 0.1;
 const OUTSIDE: f64 = 0.02;
 /// Edges that are nearly parallel have no common normal; nodes over triangles separate them.
 const CROSSING: f64 = 0.05;
-/// With table and obstacles mobility is none that makes nodes move much further along their ties than
-/// the contact asks for.
+/// With table and obstacles mobility is none, as a share of that of free nodes, that makes nodes move
+/// much further along their ties than the contact asks for.
 const LEVER: f64 = 0.01;
-/// Mobility that is none, as a share of that of free nodes.
-const TRIFLE: f64 = 1e-9;
 /// Contacts are kept as they are while no node has moved further [m].
 const STILL: f64 = 5e-6;
 /// Pairs are looked for so many substeps ahead.
@@ -390,14 +388,15 @@ impl Contacts {
                 mobility[0] += w * w * along;
                 mobility[1] += w * w * nodes.mobility(k);
             }
-            // Rounding leaves a trifle where ties leave nothing.
-            let inverse = |(&k, w): (&usize, f64)| w * w * nodes.inverse(k);
-            let share = if c.ground.is_some() { LEVER } else { TRIFLE };
-            let least = share * ids.iter().zip(c.weights).map(inverse).sum::<f64>();
-            if mobility[0] <= least && c.ground.is_some() {
-                // Nodes that stick: press on, until they slide or leave.
-                let along = |(&k, w): (&usize, f64)| w * w * nodes.prospect_along(k, c.normal);
-                mobility[0] = ids.iter().zip(c.weights).map(along).sum();
+            let mut least = 0.0;
+            if c.ground.is_some() {
+                let inverse = |(&k, w): (&usize, f64)| w * w * nodes.inverse(k);
+                least = LEVER * ids.iter().zip(c.weights).map(inverse).sum::<f64>();
+                if mobility[0] <= least {
+                    // Nodes that stick: press on, until they slide or leave.
+                    let along = |(&k, w): (&usize, f64)| w * w * nodes.prospect_along(k, c.normal);
+                    mobility[0] = ids.iter().zip(c.weights).map(along).sum();
+                }
             }
             if mobility[0] <= least {
                 // Between hands and supports: no penetration comes before targets
@@ -472,7 +471,7 @@ impl Contacts {
                 along += w * w * c.normal.dot(nodes.respond(k, c.normal));
                 across += w * w * nodes.mobility(k);
             }
-            if along <= TRIFLE * across {
+            if along <= 0.0 || (c.ground.is_some() && along <= LEVER * across) {
                 continue;
             }
             let normal = c.normal * c.normal.dot(relative);
