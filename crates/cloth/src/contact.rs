@@ -14,6 +14,8 @@ use crate::Mesh;
 use crate::broad::{Bounds, Cells};
 use crate::distance::{Kind, combine, free_way, weights};
 use crate::nodes::{Kept, Nodes};
+use crate::support::Surface;
+use crate::surroundings::Part;
 
 /// A pair is a contact when it may come so near the thickness within a substep [m].
 const MARGIN: f64 = 5e-4;
@@ -25,6 +27,9 @@ const LEAST_SHARE: f64 = 0.1;
 const OUTSIDE: f64 = 0.02;
 /// Edges that are nearly parallel have no common normal; nodes over triangles separate them.
 const CROSSING: f64 = 0.05;
+/// With table and obstacles mobility is none, as a share of that of free nodes, that makes nodes move
+/// much further along their ties than the contact asks for.
+const LEVER: f64 = 0.01;
 /// Contacts are kept as they are while no node has moved further [m].
 const STILL: f64 = 5e-6;
 /// Pairs are looked for so many substeps ahead.
@@ -39,6 +44,8 @@ pub(crate) struct Pair {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Contact {
     pair: Pair,
+    /// Table or obstacle, for contacts with these: they have no nodes on their second side.
+    ground: Option<Ground>,
     weights: [f64; 4],
     normal: DVec3,
     /// What `n . sum w x` must be at least [m].
@@ -47,6 +54,61 @@ pub(crate) struct Contact {
     force: f64,
     friction: DVec3,
     sliding: bool,
+}
+
+/// The other side of a contact with table or obstacle.
+#[derive(Clone, Copy, Debug)]
+struct Ground {
+    /// Which surface and which feature of it.
+    key: [u32; 2],
+    /// How far it moves in the substep [m].
+    motion: DVec3,
+    friction: f64,
+}
+
+impl Contact {
+    /// A node on a surface.
+    pub(crate) fn on_surface(node: u32, surface: &Surface) -> Self {
+        Self::on_part([node; 3], [1.0, 0.0, 0.0], surface, 0)
+    }
+
+    /// An edge or a face on a feature of an obstacle.
+    pub(crate) fn on_part(
+        [a, b, c]: [u32; 3],
+        weights: [f64; 3],
+        surface: &Surface,
+        feature: u32,
+    ) -> Self {
+        Self {
+            pair: Pair {
+                kind: Kind::NodeTriangle,
+                nodes: [a, b, c, c],
+            },
+            ground: Some(Ground {
+                key: [surface.id, feature],
+                motion: surface.motion,
+                friction: surface.friction,
+            }),
+            weights: [weights[0], weights[1], weights[2], 0.0],
+            normal: surface.normal,
+            distance: surface.offset,
+            force: 0.0,
+            friction: DVec3::ZERO,
+            sliding: false,
+        }
+    }
+
+    fn key(&self) -> (Pair, Option<[u32; 2]>) {
+        (self.pair, self.ground.map(|ground| ground.key))
+    }
+
+    fn motion(&self) -> DVec3 {
+        self.ground.map_or(DVec3::ZERO, |ground| ground.motion)
+    }
+
+    fn is_lone_node(&self) -> bool {
+        self.pair.nodes[0] == self.pair.nodes[1]
+    }
 }
 
 /// Pairs and contacts of a cloth with itself.
@@ -149,6 +211,12 @@ impl Contacts {
         self.node_boxes.fill(Bounds::NONE);
     }
 
+    /// All edges and faces.
+    pub(crate) fn parts(&self) -> impl Iterator<Item = Part> + Clone + '_ {
+        let edges = self.edges.iter().map(|&[p, q]| (true, [p, q, q]));
+        edges.chain(self.triangles.iter().map(|&t| (false, t)))
+    }
+
     /// Forgets all contacts.
     pub(crate) fn clear(&mut self) {
         self.contacts.clear();
@@ -225,12 +293,20 @@ impl Contacts {
         found
     }
 
-    /// Makes contacts of the pairs that may touch in a substep of `h` [s]; those that were contacts
-    /// before keep their forces.
-    pub(crate) fn begin(&mut self, x: &[DVec3], guess: &[DVec3], h: f64) {
+    /// Makes contacts of the pairs that may touch in a substep of `h` [s], and adds those `on_ground`;
+    /// those that were contacts before keep their forces.
+    pub(crate) fn begin(
+        &mut self,
+        x: &[DVec3],
+        guess: &[DVec3],
+        h: f64,
+        on_ground: &[Contact],
+        ground_moves: bool,
+    ) {
         self.before.clone_from(&self.contacts);
         let far = |(at, now): (&DVec3, &DVec3)| at.distance_squared(*now) > STILL * STILL;
         self.still = self.fresh
+            && !ground_moves
             && !self.seen.iter().zip(x).any(far)
             && !self.seen.iter().zip(guess).any(far);
         if self.still {
@@ -256,6 +332,7 @@ impl Contacts {
             }
             self.contacts.push(Contact {
                 pair: *pair,
+                ground: None,
                 weights,
                 normal,
                 distance: self.thickness.min(distance + RECOVERY * h),
@@ -264,11 +341,12 @@ impl Contacts {
                 sliding: false,
             });
         }
-        self.contacts.sort_unstable_by_key(|c| c.pair);
+        self.contacts.extend_from_slice(on_ground);
+        self.contacts.sort_unstable_by_key(Contact::key);
         let mut old = self.before.iter().peekable();
         for contact in &mut self.contacts {
-            while old.next_if(|c| c.pair < contact.pair).is_some() {}
-            if let Some(same) = old.next_if(|c| c.pair == contact.pair) {
+            while old.next_if(|c| c.key() < contact.key()).is_some() {}
+            if let Some(same) = old.next_if(|c| c.key() == contact.key()) {
                 contact.force = same.force;
                 contact.friction =
                     same.friction - contact.normal * contact.normal.dot(same.friction);
@@ -310,7 +388,17 @@ impl Contacts {
                 mobility[0] += w * w * along;
                 mobility[1] += w * w * nodes.mobility(k);
             }
-            if mobility[0] <= 0.0 {
+            let mut least = 0.0;
+            if c.ground.is_some() {
+                let inverse = |(&k, w): (&usize, f64)| w * w * nodes.inverse(k);
+                least = LEVER * ids.iter().zip(c.weights).map(inverse).sum::<f64>();
+                if mobility[0] <= least {
+                    // Nodes that stick: press on, until they slide or leave.
+                    let along = |(&k, w): (&usize, f64)| w * w * nodes.prospect_along(k, c.normal);
+                    mobility[0] = ids.iter().zip(c.weights).map(along).sum();
+                }
+            }
+            if mobility[0] <= least {
                 // Between hands and supports: no penetration comes before targets
                 let held = |k: usize| {
                     if nodes.kept[k] == Kept::Fixed {
@@ -336,10 +424,10 @@ impl Contacts {
             c.force = force;
 
             // Friction against the relative displacement over the substep
-            let bound = friction * force;
+            let bound = c.ground.map_or(friction, |ground| ground.friction) * force;
             let mut wanted = DVec3::ZERO;
             if bound > 0.0 && mobility[1] > 0.0 {
-                let slip = between - combine(&c.weights, &ids.map(|k| start[k]));
+                let slip = between - combine(&c.weights, &ids.map(|k| start[k])) - c.motion();
                 let slip = slip - c.normal * c.normal.dot(slip);
                 wanted = c.friction - slip / mobility[1];
                 let size = wanted.length();
@@ -357,28 +445,33 @@ impl Contacts {
         lack
     }
 
-    /// Largest distance that a contact lacks at `x` [m].
+    /// Largest distance that a contact lacks at `x` [m]; obstacles have no thickness to spare, so
+    /// with them it counts five times, that of nodes more.
     pub(crate) fn lack(&self, x: &[DVec3]) -> f64 {
         let lack = |c: &Contact| {
-            c.distance
-                - c.normal
-                    .dot(combine(&c.weights, &c.pair.nodes.map(|k| x[k as usize])))
+            let at = combine(&c.weights, &c.pair.nodes.map(|k| x[k as usize]));
+            let lack = c.distance - c.normal.dot(at);
+            match c.ground {
+                None => lack,
+                Some(_) if c.is_lone_node() => 300.0 * lack,
+                Some(_) => 5.0 * lack,
+            }
         };
         self.contacts.iter().map(lack).fold(0.0, f64::max)
     }
 
     /// Impacts without rebound: contacts with a force get no relative velocity along their normal,
     /// those that stick none at all.
-    pub(crate) fn impact(&self, velocities: &mut [DVec3], nodes: &mut Nodes) {
+    pub(crate) fn impact(&self, velocities: &mut [DVec3], nodes: &mut Nodes, h: f64) {
         for c in self.contacts.iter().filter(|c| c.force > 0.0) {
             let ids = c.pair.nodes.map(|k| k as usize);
-            let relative = combine(&c.weights, &ids.map(|k| velocities[k]));
+            let relative = combine(&c.weights, &ids.map(|k| velocities[k])) - c.motion() / h;
             let (mut along, mut across) = (0.0, 0.0);
             for (&k, w) in ids.iter().zip(c.weights) {
                 along += w * w * c.normal.dot(nodes.respond(k, c.normal));
                 across += w * w * nodes.mobility(k);
             }
-            if along <= 0.0 {
+            if along <= 0.0 || (c.ground.is_some() && along <= LEVER * across) {
                 continue;
             }
             let normal = c.normal * c.normal.dot(relative);

@@ -62,6 +62,16 @@ pub(crate) fn nearest_on_segments([a0, a1]: [DVec3; 2], [b0, b1]: [DVec3; 2]) ->
     [s, t]
 }
 
+/// Parameter in `[0, 1]` of the nearest point of a segment, which may be a point.
+pub(crate) fn nearest_on_segment(p: DVec3, [a, b]: [DVec3; 2]) -> f64 {
+    let along = b - a;
+    let squared = along.length_squared();
+    match squared > 0.0 {
+        true => ((p - a).dot(along) / squared).clamp(0.0, 1.0),
+        false => 0.0,
+    }
+}
+
 /// Two features that may touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Kind {
@@ -109,7 +119,12 @@ pub(crate) fn free_way(kind: Kind, start: &[DVec3; 4], end: &[DVec3; 4], share: 
         combine(&weights(kind, &x), &x).length()
     };
     let at_start = distance(0.0);
-    let least = share * at_start;
+    advance(bound, at_start, share * at_start, distance)
+}
+
+/// How far one can go in `[0, 1]` before a distance that changes by `bound` at most on the whole way
+/// falls from that at the start to `least`: 1 for the whole way, never too much.
+pub(crate) fn advance(bound: f64, at_start: f64, least: f64, distance: impl Fn(f64) -> f64) -> f64 {
     if at_start - least > bound {
         return 1.0;
     }
@@ -122,7 +137,7 @@ pub(crate) fn free_way(kind: Kind, start: &[DVec3; 4], end: &[DVec3; 4], share: 
         }
         t += step;
         d = distance(t);
-        if d - least < 0.05 * at_start * (1.0 - share) {
+        if d - least < 0.05 * (at_start - least) {
             return t;
         }
     }

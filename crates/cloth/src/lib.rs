@@ -9,17 +9,23 @@ pub mod linear;
 mod material;
 mod mesh;
 mod nodes;
+mod obstacle;
 mod predictor;
 mod project;
 mod rows;
 mod settings;
+mod shape;
 mod simulator;
+mod solid;
 mod state;
 mod substep;
 mod support;
+mod surroundings;
+mod touch;
 
 pub use material::Material;
 pub use mesh::{Grid, Mesh};
+pub use obstacle::Obstacle;
 pub use project::{Projected, Projection, project};
 pub use settings::Settings;
 pub use simulator::Simulator;
@@ -112,6 +118,22 @@ pub enum Error {
         node: u32,
         /// The number of nodes of the cloth.
         node_count: usize,
+    },
+    /// There is no such obstacle.
+    #[error("obstacle {obstacle} must be below the number of obstacles, {count}")]
+    NoSuchObstacle {
+        /// The number.
+        obstacle: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// A body cannot be an obstacle.
+    #[error("obstacle: {what}, must be {bound}")]
+    Obstacle {
+        /// What was found, with its value.
+        what: String,
+        /// What is allowed.
+        bound: &'static str,
     },
     /// A position became infinite or not a number.
     #[error("the cloth diverged")]

@@ -65,6 +65,19 @@ impl Nodes {
         }
     }
 
+    /// How far a unit force along `normal` would move the node that way if it left its surface or,
+    /// when the force presses it on, slid on it.
+    pub(crate) fn prospect_along(&self, node: usize, normal: DVec3) -> f64 {
+        match self.kept[node] {
+            Kept::Fixed => 0.0,
+            Kept::Sticks(own) | Kept::OnPlane(own) => {
+                let pressed = own.dot(normal).min(0.0);
+                self.inverse[node] * (1.0 - pressed * pressed)
+            }
+            Kept::Free => self.inverse[node],
+        }
+    }
+
     /// The displacement that a force gives.
     #[inline]
     pub(crate) fn respond(&self, node: usize, force: DVec3) -> DVec3 {

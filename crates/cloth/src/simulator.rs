@@ -1,15 +1,16 @@
 //! The default solver as its users see it.
 
-use selvedge_math::{ClothSimulator, DVec3, Held, SimulatorError, Status, StepReport};
+use selvedge_math::{ClothSimulator, DVec3, Held, Pose, SimulatorError, Status, StepReport};
 
 use crate::bending::{Matrix, bending_matrix};
-use crate::contact::Contacts;
+use crate::contact::{Contact, Contacts};
 use crate::nodes::Nodes;
 use crate::predictor::Predictor;
 use crate::rows::Rows;
 use crate::state::{Instant, State};
 use crate::support::{Supports, Surface};
-use crate::{Error, Material, Mesh, Settings};
+use crate::surroundings::Surroundings;
+use crate::{Error, Material, Mesh, Obstacle, Settings};
 
 /// A substep that fails is cut in two, at most so often.
 const MAX_CUTS: u32 = 6;
@@ -56,6 +57,7 @@ pub struct Simulator {
     pub(crate) nodes: Nodes,
     pub(crate) supports: Supports,
     pub(crate) contacts: Contacts,
+    pub(crate) surroundings: Surroundings,
     pub(crate) predictor: Predictor,
     pub(crate) now: Instant,
     pub(crate) hands: Hands,
@@ -88,6 +90,7 @@ pub(crate) struct Scratch {
     pub(crate) aimed: Vec<DVec3>,
     pub(crate) last: Vec<DVec3>,
     pub(crate) surfaces: Vec<Surface>,
+    pub(crate) on_ground: Vec<Contact>,
     pub(crate) sines: Vec<f64>,
     pub(crate) end_sines: Vec<f64>,
     pub(crate) length_rates: Vec<f64>,
@@ -115,6 +118,7 @@ impl Simulator {
             nodes: Nodes::new(n),
             supports: Supports::new(n),
             contacts: Contacts::new(mesh, material.thickness),
+            surroundings: Surroundings::default(),
             saved: vec![now.clone(); MAX_CUTS as usize + 2],
             hands: Hands {
                 is_held: vec![false; n],
@@ -131,6 +135,7 @@ impl Simulator {
                 aimed: zero.clone(),
                 last: zero,
                 surfaces: vec![Surface::NONE; n],
+                on_ground: Vec::new(),
                 sines: vec![0.0; mesh.quads().len()],
                 end_sines: vec![0.0; mesh.quads().len()],
                 length_rates: vec![0.0; mesh.edges().len()],
@@ -177,16 +182,44 @@ impl Simulator {
         Ok(())
     }
 
+    /// Puts an obstacle beside those there are, at its pose, and returns its number.
+    ///
+    /// What of the cloth is inside of it is moved out at 5 cm/s; the report's gap is negative until
+    /// then.
+    ///
+    /// # Errors
+    /// [`Error::Value`] when there are too many to be numbered.
+    pub fn add_obstacle(&mut self, obstacle: Obstacle) -> Result<usize, Error> {
+        self.forget();
+        self.surroundings.add(obstacle)
+    }
+
+    /// Says where an obstacle is at the end of the next step. It goes there along a straight line at
+    /// constant speed, turning about one axis at a constant rate, and rests then.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchObstacle`] when there is no obstacle of this number.
+    pub fn move_obstacle(&mut self, k: usize, pose: Pose) -> Result<(), Error> {
+        self.surroundings.set_target(k, pose)
+    }
+
+    /// The obstacles, with their poses at the end of the last step.
+    pub fn obstacles(&self) -> &[Obstacle] {
+        self.surroundings.obstacles()
+    }
+
     /// The present state, whole.
     pub fn save(&mut self) -> State {
         self.forget();
         State {
             instant: self.now.clone(),
             contacts: self.contacts.list().to_vec(),
+            poses: self.surroundings.poses(),
         }
     }
 
-    /// Goes back to a state of a cloth of this mesh.
+    /// Goes back to a state of a cloth of this mesh. Obstacles that it does not know stay where they
+    /// are.
     ///
     /// # Errors
     /// [`SimulatorError::StateLength`] when it is of another mesh.
@@ -207,6 +240,7 @@ impl Simulator {
         }
         self.now.copy_from(&state.instant);
         self.contacts.set_list(&state.contacts);
+        self.surroundings.set_poses(&state.poses);
         self.forget();
         Ok(())
     }
@@ -274,6 +308,7 @@ impl Simulator {
         report: &mut StepReport,
     ) -> Result<(), Error> {
         self.saved[cuts as usize].copy_from(&self.now);
+        self.surroundings.set_way([from, to]);
         let last = cuts >= MAX_CUTS;
         let retreats: &[f64] = match cuts >= CUTS_BEFORE_RETREAT && self.hands.apart {
             true => &[1.0, 0.5, 0.0, -0.5],
@@ -355,6 +390,7 @@ impl ClothSimulator for Simulator {
                 return Err(SimulatorError::Failed(error.into()));
             }
         }
+        self.surroundings.arrive();
         report.contacts = self.contacts.active_count() as u32;
         report.held_error = held
             .nodes

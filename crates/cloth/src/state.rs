@@ -1,6 +1,6 @@
 //! Everything that a simulation goes on from.
 
-use selvedge_math::DVec3;
+use selvedge_math::{DVec3, Pose};
 
 use crate::contact::Contact;
 use crate::support::Supports;
@@ -12,6 +12,8 @@ use crate::support::Supports;
 pub struct State {
     pub(crate) instant: Instant,
     pub(crate) contacts: Vec<Contact>,
+    /// Of the obstacles, at the start and at the end of the next step.
+    pub(crate) poses: Vec<[Pose; 2]>,
 }
 
 impl State {

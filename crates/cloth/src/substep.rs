@@ -62,11 +62,17 @@ impl Simulator {
         for iteration in 0..self.settings.iterations {
             ended.iterations += 1;
             self.solve();
+            let mut changed = false;
             if iteration == 0 {
-                self.set_surfaces(h);
+                changed |= self.set_surfaces(h, share);
                 self.find_contacts(h)?;
+            } else if !self.surroundings.is_empty() {
+                if iteration == 2 {
+                    self.set_lifts();
+                }
+                changed |= self.refresh_surfaces(h);
             }
-            let changed = self.correct_ties(h, share, reach);
+            changed |= self.correct_ties(share, reach);
             let (start, x) = (&self.scratch.start, &mut self.now.positions);
             for _ in 0..2 {
                 self.contacts
@@ -104,7 +110,7 @@ impl Simulator {
             last_change = change;
             self.scratch.last.copy_from_slice(x);
             if !(moved.is_finite() && strain < 0.5)
-                || (iteration > 2 && moved > 3.0 * least_moved && moved > 1e-3)
+                || (!last && iteration > 2 && moved > 3.0 * least_moved && moved > 1e-3)
             {
                 return Err(Error::Diverged);
             }
@@ -112,7 +118,7 @@ impl Simulator {
                 .filter(|&node| !self.hands.is_held[node])
                 .map(|node| {
                     self.supports
-                        .lack(node, &self.scratch.surfaces[node], start[node], x[node], h)
+                        .lack(node, &self.scratch.surfaces[node], x[node])
                 })
                 .fold(0.0, f64::max);
             if unsolved <= self.settings.tolerance
@@ -217,31 +223,106 @@ impl Simulator {
         scratch.free.copy_from_slice(&self.now.positions);
     }
 
-    /// The surface that each node may come to in this substep.
-    fn set_surfaces(&mut self, _h: f64) {
-        let table = Surface {
-            normal: DVec3::Z,
-            offset: 0.0,
-            motion: DVec3::ZERO,
-            friction: self.material.friction_table,
-        };
-        self.scratch.surfaces.fill(match self.settings.table {
-            true => table,
+    fn table(&self, start: DVec3, h: f64) -> Surface {
+        match self.settings.table {
+            true => Surface::table(start, h, self.material.friction_table),
             false => Surface::NONE,
-        });
+        }
+    }
+
+    /// The surface that each node may come to in this substep; true when one has to leave its own
+    /// for that.
+    fn set_surfaces(&mut self, h: f64, share: f64) -> bool {
+        let empty = self.surroundings.is_empty();
+        if !empty {
+            self.set_lifts();
+        }
+        let mut changed = false;
+        for node in 0..self.areas.len() {
+            let start = self.scratch.start[node];
+            let mut surface = self.table(start, h);
+            if !empty && !self.hands.is_held[node] {
+                let before = self.scratch.surfaces[node];
+                let before = self.supports.rests_on(node, &before).then_some(before);
+                let way = [start, self.now.positions[node]];
+                surface = self.surroundings.surface(node, surface, before, way, h);
+                changed |= self.supports.change(node, surface.id, &mut self.nodes);
+            }
+            self.scratch.surfaces[node] = surface;
+        }
+        for (k, &node) in self.hands.nodes.iter().enumerate() {
+            let target = self.hands.from[k].lerp(self.hands.to[k], share);
+            let way = [self.scratch.start[node as usize], target];
+            let surface = &mut self.scratch.surfaces[node as usize];
+            *surface = self
+                .surroundings
+                .surface(node as usize, *surface, None, way, h);
+        }
+        changed
+    }
+
+    fn set_lifts(&mut self) {
+        let way = [&*self.scratch.start, &*self.now.positions];
+        self.surroundings.set_lifts(way, self.contacts.parts());
+    }
+
+    /// The same for what turned out otherwise than predicted.
+    fn refresh_surfaces(&mut self, h: f64) -> bool {
+        let mut changed = false;
+        for node in 0..self.areas.len() {
+            let way = [self.scratch.start[node], self.now.positions[node]];
+            let surface = &mut self.scratch.surfaces[node];
+            if let (false, Some(new)) = (
+                self.hands.is_held[node],
+                self.surroundings.refresh(
+                    node,
+                    surface,
+                    self.supports.rests_on(node, surface),
+                    way,
+                    h,
+                ),
+            ) {
+                *surface = new;
+                changed |= self.supports.change(node, new.id, &mut self.nodes);
+            }
+        }
+        changed
     }
 
     fn find_contacts(&mut self, h: f64) -> Result<(), Error> {
         let (start, x) = (&self.scratch.start, &self.now.positions);
         let found = (self.contacts.covers(start) && self.contacts.covers(x))
             || self.contacts.find(start, x);
-        self.contacts.begin(start, x, h);
+        if !self.surroundings.is_empty() {
+            let mut on_ground = std::mem::take(&mut self.scratch.on_ground);
+            let (way, parts) = (
+                [&*self.scratch.start, &*self.now.positions],
+                self.contacts.parts(),
+            );
+            let table = |start| self.table(start, h);
+            self.surroundings.contacts(
+                table,
+                &self.scratch.surfaces,
+                way,
+                parts,
+                h,
+                &mut on_ground,
+            );
+            self.scratch.on_ground = on_ground;
+        }
+        self.contacts.begin(
+            &self.scratch.start,
+            &self.now.positions,
+            h,
+            &self.scratch.on_ground,
+            self.surroundings.moves(),
+        );
         if found { Ok(()) } else { Err(Error::Crowded) }
     }
 
     /// Puts held nodes where they belong and lets every other node rest, slide or leave; true when
     /// one left its surface.
-    fn correct_ties(&mut self, h: f64, share: f64, reach: f64) -> bool {
+    fn correct_ties(&mut self, share: f64, reach: f64) -> bool {
         let (scratch, x) = (&self.scratch, &mut self.now.positions);
         let mut changed = false;
         for (k, &node) in self.hands.nodes.iter().enumerate() {
@@ -258,7 +339,7 @@ impl Simulator {
                 let (surface, start) = (&scratch.surfaces[node], scratch.start[node]);
                 changed |= self
                     .supports
-                    .update(node, surface, start, x, &mut self.nodes, h);
+                    .update(node, surface, start, x, &mut self.nodes);
             }
         }
         changed
@@ -273,6 +354,16 @@ impl Simulator {
         let passage = self.contacts.passage(start, x);
         ended.free = passage.free;
         ended.gap = passage.gap;
+        if !self.surroundings.is_empty() {
+            let clearance = self
+                .surroundings
+                .clearance([start, x], self.contacts.parts());
+            ended.free = ended.free.min(clearance.free);
+            ended.gap = match (ended.gap, clearance.gap) {
+                (Some(a), Some(b)) => Some(a.min(b)),
+                (a, b) => a.or(b),
+            };
+        }
         if ended.free < 1.0 && last {
             for (x, start) in x.iter_mut().zip(start) {
                 *x = start.lerp(*x, 0.9 * ended.free);
@@ -310,7 +401,7 @@ impl Simulator {
             };
         }
         for _ in 0..2 {
-            self.contacts.impact(velocities, &mut self.nodes);
+            self.contacts.impact(velocities, &mut self.nodes, h);
         }
         self.rows.set_gradients(x, x);
         let rates = &scratch.length_rates;

@@ -11,7 +11,7 @@ use selvedge_math::DVec3;
 use crate::nodes::{Kept, Nodes};
 
 /// How fast a node that starts below a surface is moved out [m/s].
-const RECOVERY: f64 = 0.05;
+pub(crate) const RECOVERY: f64 = 0.05;
 /// A node is below its surface when it is so far below [m].
 const BELOW: f64 = 1e-10;
 
@@ -19,20 +19,39 @@ const BELOW: f64 = 1e-10;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface {
     pub(crate) normal: DVec3,
+    /// The normal at the end of the substep; on curved surfaces another one.
+    pub(crate) end_normal: DVec3,
+    /// Below the surface for a node that starts below it: it is moved out no faster than `RECOVERY`.
     pub(crate) offset: f64,
     /// How far the surface moves there in the substep [m].
     pub(crate) motion: DVec3,
     pub(crate) friction: f64,
+    /// Which one it is: none, the table, or an obstacle.
+    pub(crate) id: u32,
 }
 
 impl Surface {
+    pub(crate) const TABLE: u32 = 1;
+
     /// There is none.
     pub(crate) const NONE: Self = Self {
         normal: DVec3::Z,
+        end_normal: DVec3::Z,
         offset: f64::NEG_INFINITY,
         motion: DVec3::ZERO,
         friction: 0.0,
+        id: 0,
     };
+
+    /// The table for a node at `start`, in a substep of `h` [s].
+    pub(crate) fn table(start: DVec3, h: f64, friction: f64) -> Self {
+        Self {
+            offset: (start.z + RECOVERY * h).min(0.0),
+            friction,
+            id: Self::TABLE,
+            ..Self::NONE
+        }
+    }
 
     /// The point, or the nearest on the surface if it is below.
     pub(crate) fn lift(&self, point: DVec3) -> DVec3 {
@@ -49,6 +68,8 @@ impl Surface {
 #[derive(Clone, Debug)]
 pub(crate) struct Supports {
     rests: Vec<Rest>,
+    /// The surfaces that they rest on.
+    on: Vec<u32>,
     /// Friction of sliding nodes [N].
     slides: Vec<DVec3>,
 }
@@ -64,12 +85,14 @@ impl Supports {
     pub(crate) fn new(node_count: usize) -> Self {
         Self {
             rests: vec![Rest::No; node_count],
+            on: vec![0; node_count],
             slides: vec![DVec3::ZERO; node_count],
         }
     }
 
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.rests.copy_from_slice(&other.rests);
+        self.on.copy_from_slice(&other.on);
         self.slides.copy_from_slice(&other.slides);
     }
 
@@ -77,6 +100,23 @@ impl Supports {
     pub(crate) fn release(&mut self, node: usize) {
         self.rests[node] = Rest::No;
         self.slides[node] = DVec3::ZERO;
+    }
+
+    /// Whether a node rests on a surface.
+    pub(crate) fn rests_on(&self, node: usize, surface: &Surface) -> bool {
+        self.rests[node] != Rest::No && self.on[node] == surface.id
+    }
+
+    /// Gives a node a surface; true when it has to leave another one for that.
+    pub(crate) fn change(&mut self, node: usize, surface: u32, nodes: &mut Nodes) -> bool {
+        let leaves = self.rests[node] != Rest::No && self.on[node] != surface;
+        self.on[node] = surface;
+        if leaves {
+            self.release(node);
+            nodes.kept[node] = Kept::Free;
+            nodes.reactions[node] = DVec3::ZERO;
+        }
+        leaves
     }
 
     /// Friction forces of the sliding nodes [N].
@@ -104,16 +144,15 @@ impl Supports {
         start: DVec3,
         x: &mut DVec3,
         nodes: &mut Nodes,
-        h: f64,
     ) -> bool {
         let &Surface {
             normal,
+            offset,
             motion,
             friction,
             ..
         } = surface;
         let before = self.rests[node];
-        let offset = target(surface, start, h);
         let below = offset - normal.dot(*x);
         let inverse = nodes.inverse(node);
         if before == Rest::No {
@@ -160,16 +199,9 @@ impl Supports {
     }
 
     /// How far below its surface the node is [m].
-    pub(crate) fn lack(
-        &self,
-        node: usize,
-        surface: &Surface,
-        start: DVec3,
-        x: DVec3,
-        h: f64,
-    ) -> f64 {
+    pub(crate) fn lack(&self, node: usize, surface: &Surface, x: DVec3) -> f64 {
         match self.rests[node] {
-            Rest::No => target(surface, start, h) - surface.normal.dot(x),
+            Rest::No => surface.offset - surface.normal.dot(x),
             _ => 0.0,
         }
     }
@@ -183,8 +215,8 @@ impl Supports {
             Rest::No => velocity,
             Rest::Sticks => ground,
             Rest::Slides => {
-                let along = surface.normal.dot(relative);
-                let across = relative - surface.normal * along;
+                let along = surface.end_normal.dot(relative);
+                let across = relative - surface.end_normal * along;
                 let speed = across.length();
                 let lost = surface.friction * (-along).max(0.0);
                 let left = match speed > lost {
@@ -195,10 +227,4 @@ impl Supports {
             }
         }
     }
-}
-
-/// Where the surface is for a node that may start below it.
-fn target(surface: &Surface, start: DVec3, h: f64) -> f64 {
-    let moved = surface.normal.dot(start + surface.motion);
-    surface.offset.min(moved + RECOVERY * h)
 }
