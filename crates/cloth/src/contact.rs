@@ -127,6 +127,8 @@ pub(crate) struct Contacts {
     pairs: Vec<Pair>,
     contacts: Vec<Contact>,
     before: Vec<Contact>,
+    /// Forces before the present substep, where the contacts stayed.
+    forces: Vec<(f64, DVec3, bool)>,
     /// Positions that the contacts were made for, and whether they are those of the present pairs.
     seen: Vec<DVec3>,
     fresh: bool,
@@ -174,6 +176,7 @@ impl Contacts {
             pairs: Vec::new(),
             contacts: Vec::new(),
             before: Vec::new(),
+            forces: Vec::new(),
             seen: rest.to_vec(),
             fresh: false,
             still: false,
@@ -190,7 +193,14 @@ impl Contacts {
 
     /// Goes back to the contacts before the last [`begin`](Self::begin).
     pub(crate) fn restore(&mut self) {
-        std::mem::swap(&mut self.contacts, &mut self.before);
+        if self.still {
+            for (contact, &(force, friction, sliding)) in self.contacts.iter_mut().zip(&self.forces)
+            {
+                (contact.force, contact.friction, contact.sliding) = (force, friction, sliding);
+            }
+        } else {
+            std::mem::swap(&mut self.contacts, &mut self.before);
+        }
         self.fresh = false;
     }
 
@@ -303,13 +313,18 @@ impl Contacts {
         on_ground: &[Contact],
         ground_moves: bool,
     ) {
-        self.before.clone_from(&self.contacts);
         let far = |(at, now): (&DVec3, &DVec3)| at.distance_squared(*now) > STILL * STILL;
         self.still = self.fresh
             && !ground_moves
             && !self.seen.iter().zip(x).any(far)
             && !self.seen.iter().zip(guess).any(far);
         if self.still {
+            self.forces.clear();
+            let forces = self
+                .contacts
+                .iter()
+                .map(|c| (c.force, c.friction, c.sliding));
+            self.forces.extend(forces);
             return;
         }
         self.seen.copy_from_slice(x);

@@ -406,6 +406,9 @@ impl Simulator {
         self.rows.set_gradients(x, x);
         let rates = &scratch.length_rates;
         let before = self.rows.stretch_rate(velocities, rates);
+        if before <= SLOW * SLOW {
+            return Ok(());
+        }
         scratch.free.copy_from_slice(velocities);
         for fresh in [false, true] {
             if fresh {
