@@ -116,9 +116,16 @@ impl Cells {
         }
     }
 
-    /// Calls `f` with each of the sorted boxes that overlaps `b`, once, in a fixed order.
+    /// Calls `f` with each of the sorted boxes from number `least` on that overlaps `b`, once, in a
+    /// fixed order.
     #[inline]
-    pub(crate) fn overlaps(&self, b: &Bounds, boxes: &[Bounds], mut f: impl FnMut(u32)) {
+    pub(crate) fn overlaps(
+        &self,
+        b: &Bounds,
+        boxes: &[Bounds],
+        least: u32,
+        mut f: impl FnMut(u32),
+    ) {
         let Range { first, last } = self.range(b);
         for z in first[2]..=last[2] {
             for y in first[1]..=last[1] {
@@ -126,7 +133,13 @@ impl Cells {
                 for x in first[0]..=last[0] {
                     let cell = (row + x) as usize;
                     let items = self.start[cell] as usize..self.start[cell + 1] as usize;
-                    for &k in &self.items[items] {
+                    let items = &self.items[items];
+                    // They ascend within a cell.
+                    let skipped = match least {
+                        0 => 0,
+                        _ => items.partition_point(|&k| k < least),
+                    };
+                    for &k in &items[skipped..] {
                         // Only in the first cell that both are in.
                         let theirs = &self.ranges[k as usize].first;
                         let owner = x == first[0].max(theirs[0])
@@ -167,12 +180,16 @@ mod tests {
             cells.fill(&boxes, size);
             for b in &boxes {
                 let mut found = Vec::new();
-                cells.overlaps(b, &boxes, |k| found.push(k));
+                cells.overlaps(b, &boxes, 0, |k| found.push(k));
                 found.sort_unstable();
                 let all: Vec<u32> = (0..300)
                     .filter(|&k| b.overlaps(&boxes[k as usize]))
                     .collect();
                 assert_eq!(found, all, "{size}");
+                let mut late = Vec::new();
+                cells.overlaps(b, &boxes, 150, |k| late.push(k));
+                late.sort_unstable();
+                assert!(late.iter().eq(all.iter().filter(|&&k| k >= 150)));
             }
         }
     }

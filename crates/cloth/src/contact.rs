@@ -259,7 +259,7 @@ impl Contacts {
         self.cells.fill(&self.boxes, self.cell);
         for (node, b) in node_boxes.iter().enumerate() {
             let node = node as u32;
-            self.cells.overlaps(b, &self.boxes, |k| {
+            self.cells.overlaps(b, &self.boxes, 0, |k| {
                 let [a, b, c] = self.triangles[k as usize];
                 if node != a && node != b && node != c && pairs.len() < self.most_pairs {
                     pairs.push(Pair {
@@ -274,10 +274,10 @@ impl Contacts {
         self.cells.fill(&self.boxes, self.cell);
         for (k, b) in self.boxes.iter().enumerate() {
             let [p, q] = self.edges[k];
-            self.cells.overlaps(b, &self.boxes, |other| {
+            self.cells.overlaps(b, &self.boxes, k as u32 + 1, |other| {
                 let [r, s] = self.edges[other as usize];
                 let apart = p != r && p != s && q != r && q != s;
-                if k < other as usize && apart && pairs.len() < self.most_pairs {
+                if apart && pairs.len() < self.most_pairs {
                     pairs.push(Pair {
                         kind: Kind::EdgeEdge,
                         nodes: [p, q, r, s],

@@ -138,8 +138,7 @@ impl Simulator {
                 self.nodes.looseness = 1.0;
                 self.stale = true;
             }
-            self.stale |=
-                ended.strain > 0.3 * last_strain && ended.strain > 0.3 * self.settings.tolerance;
+            self.stale |= unsolved > 0.5 * last_strain && unsolved > 2.0 * self.settings.tolerance;
             aim = iteration < 2 || moved < 0.3 * last_moved;
             least_moved = least_moved.min(moved);
             (last_moved, last_strain) = (moved, unsolved);
