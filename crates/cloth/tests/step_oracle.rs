@@ -145,9 +145,9 @@ fn reference(sheet: &Sheet, x0: &[DVec3], v0: &[DVec3], held: &[(usize, DVec3)])
     // E and b in the program's units
     let stiffness = m.bending * (0.5 + m.internal_damping / H);
     let mut quadratic = Vec::new();
-    for a in 0..n {
-        for b in 0..n {
-            let mut e = stiffness * bending[a][b];
+    for (a, row) in bending.iter().enumerate() {
+        for (b, entry) in row.iter().enumerate() {
+            let mut e = stiffness * entry;
             if a == b {
                 e += sheet.area(a) * (2.0 * mass / (H * H) + m.damping / H);
             }
@@ -160,8 +160,8 @@ fn reference(sheet: &Sheet, x0: &[DVec3], v0: &[DVec3], held: &[(usize, DVec3)])
     for a in 0..n {
         let mut f = v0[a] * (2.0 * mass * sheet.area(a) / H)
             - DVec3::Z * (m.gravitational_density * GRAVITY * sheet.area(a));
-        for b in 0..n {
-            f -= x0[b] * (m.bending * bending[a][b]);
+        for (x, entry) in x0.iter().zip(&bending[a]) {
+            f -= *x * (m.bending * entry);
         }
         (0..3).for_each(|axis| load[3 * a + axis] = f[axis] / force);
     }
