@@ -154,8 +154,9 @@ impl Simulator {
     }
 
     /// The force [N] on each node of whatever keeps it, at the end of the last substep: hands, pins,
-    /// table and obstacles; zero for free nodes. The force on a gripper is the sum over its nodes with
-    /// the opposite sign, the torque that of `(x - p) x f`.
+    /// and the surface it rests on, the friction of sliding nodes apart; zero for free nodes. The
+    /// force on a gripper is the sum over its nodes with the opposite sign, the torque that of
+    /// `(x - p) x f`.
     pub fn reactions(&self) -> &[DVec3] {
         &self.now.reactions
     }

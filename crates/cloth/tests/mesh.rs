@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed set-up fails the test")]
 
-use selvedge_cloth::{Error, Mesh, Projection, project};
-use selvedge_math::DVec3;
+use selvedge_cloth::{Error, Material, Mesh, Projection, Settings, Simulator, project};
+use selvedge_math::{ClothSimulator, DVec3, Held};
 
 fn fixture(name: &str) -> Mesh {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/meshes/");
@@ -64,5 +64,27 @@ fn any_mesh_is_projected_but_shear_needs_a_grid() {
             ..problem
         };
         assert_eq!(project(&sheared), Err(Error::NoGrid("a shear row")));
+    }
+}
+
+/// Meshes that are no grid move too: hung by a node above the table they come down, and keep their
+/// lengths.
+#[test]
+fn meshes_from_files_are_simulated() {
+    for name in ["l_shape.obj", "disc.obj"] {
+        let mesh = fixture(name);
+        let mut cloth = Simulator::new(&mesh, Material::default(), Settings::default()).unwrap();
+        let raised: Vec<DVec3> = mesh.rest().iter().map(|x| *x + 0.05 * DVec3::Z).collect();
+        cloth
+            .reset(&raised, &vec![DVec3::ZERO; raised.len()])
+            .unwrap();
+        cloth.pin(&[0]).unwrap();
+        for _ in 0..60 {
+            let report = cloth.step(Held::NONE, 1.0 / 60.0).unwrap();
+            assert!(report.strain < Some(1e-3), "{name}: {report:?}");
+        }
+        let lowest = cloth.positions().iter().map(|x| x.z).fold(1.0, f64::min);
+        assert!((-1e-6..0.03).contains(&lowest), "{name}: {lowest}");
+        assert_eq!(cloth.positions()[0], raised[0], "{name}");
     }
 }
