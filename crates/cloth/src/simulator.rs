@@ -22,6 +22,9 @@ const CUTS_BEFORE_RETREAT: u32 = 2;
 /// Layers may come too near by this share of a thickness before a substep is cut.
 const MOST_TOO_NEAR: f64 = 0.2;
 
+/// A node may end so far below the table before a substep is cut [m].
+const MOST_SUNK: f64 = 1e-5;
+
 /// Tension may stretch edges by so much before it is taken for more than a cloth can bear.
 const MOST_STRAIN: f64 = 5e-4;
 
@@ -332,7 +335,7 @@ impl Simulator {
                     1.8 * MOST_STRAIN
                 };
                 let solved = ended.unsolved <= 2.0 * tolerance && ended.strain <= most_strain;
-                let good = ended.free >= 1.0 && solved && !near;
+                let good = ended.free >= 1.0 && solved && !near && ended.sunk <= MOST_SUNK;
                 if good || last {
                     let most = |a: Option<f64>, b: f64| Some(a.map_or(b, |a| a.max(b)));
                     report.strain = most(report.strain, ended.strain);

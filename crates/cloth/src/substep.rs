@@ -39,6 +39,8 @@ pub(crate) struct Ended {
     pub(crate) unsolved: f64,
     pub(crate) shear: f64,
     pub(crate) gap: Option<f64>,
+    /// How far a free node is below the table [m].
+    pub(crate) sunk: f64,
     /// Share of the way without collisions.
     pub(crate) free: f64,
 }
@@ -59,7 +61,9 @@ impl Simulator {
         let (mut aim, mut last_strain) = (true, f64::INFINITY);
         let (mut last_moved, mut least_moved) = (f64::INFINITY, f64::INFINITY);
         let mut last_change = f64::NAN;
-        for iteration in 0..self.settings.iterations {
+        // A substep that cannot be cut any further may take its time.
+        let most = self.settings.iterations * if last { 5 } else { 1 };
+        for iteration in 0..most {
             ended.iterations += 1;
             self.solve();
             let mut changed = false;
@@ -121,6 +125,12 @@ impl Simulator {
                         .lack(node, &self.scratch.surfaces[node], x[node])
                 })
                 .fold(0.0, f64::max);
+            // Planes of obstacles are tangents only: their bodies are looked at on the way.
+            ended.sunk = if self.surroundings.is_empty() {
+                sunk
+            } else {
+                0.0
+            };
             if unsolved <= self.settings.tolerance
                 && moved <= self.settings.settled
                 && sunk <= SUNK
@@ -138,7 +148,7 @@ impl Simulator {
                 self.nodes.looseness = 1.0;
                 self.stale = true;
             }
-            self.stale |= unsolved > 0.5 * last_strain && unsolved > 2.0 * self.settings.tolerance;
+            self.stale |= unsolved > 0.3 * last_strain && unsolved > self.settings.tolerance;
             aim = iteration < 2 || moved < 0.3 * last_moved;
             least_moved = least_moved.min(moved);
             (last_moved, last_strain) = (moved, unsolved);
@@ -352,7 +362,10 @@ impl Simulator {
         }
         let passage = self.contacts.passage(start, x);
         ended.free = passage.free;
-        ended.gap = passage.gap;
+        ended.gap = match ended.sunk > SUNK {
+            true => Some(passage.gap.map_or(-ended.sunk, |gap| gap.min(-ended.sunk))),
+            false => passage.gap,
+        };
         if !self.surroundings.is_empty() {
             let clearance = self
                 .surroundings
