@@ -33,7 +33,7 @@ const LEVER: f64 = 0.01;
 /// Contacts are kept as they are while no node has moved further [m].
 const STILL: f64 = 5e-6;
 /// Pairs are looked for so many substeps ahead.
-const AHEAD: f64 = 0.3;
+const AHEAD: f64 = 1.5;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Pair {
@@ -380,16 +380,14 @@ impl Contacts {
         }
     }
 
-    /// One sweep over the contacts at the positions `x`, displaced from `start`; the largest distance
-    /// that a contact lacked [m].
+    /// One sweep over the contacts at the positions `x`, displaced from `start`.
     pub(crate) fn sweep(
         &mut self,
         x: &mut [DVec3],
         start: &[DVec3],
         nodes: &mut Nodes,
         friction: f64,
-    ) -> f64 {
-        let mut lack = 0.0_f64;
+    ) {
         for c in &mut self.contacts {
             let ids = c.pair.nodes.map(|k| k as usize);
             let between = combine(&c.weights, &ids.map(|k| x[k]));
@@ -433,7 +431,6 @@ impl Contacts {
                 }
                 continue;
             }
-            lack = lack.max(-gap);
             let force = (c.force - gap / mobility[0]).max(0.0);
             let mut change = c.normal * (force - c.force);
             c.force = force;
@@ -457,7 +454,6 @@ impl Contacts {
                 nodes.push(k, change * w, &mut x[k]);
             }
         }
-        lack
     }
 
     /// Largest distance that a contact lacks at `x` [m]; obstacles have no thickness to spare, so
