@@ -7,6 +7,7 @@
 mod bench_fold;
 mod ci;
 mod experiments;
+mod export;
 mod layers;
 mod progress;
 mod report;
@@ -31,6 +32,8 @@ enum Command {
     Experiments(experiments::Arguments),
     /// Time the folds of a scenario on one thread.
     BenchFold(bench_fold::Arguments),
+    /// Write a moment of a recording, or all of it, as a picture, a film or a mesh.
+    Export(export::Arguments),
     /// Simulate scenes with a known answer and record them.
     Scenes(scenes::Arguments),
     /// Run every test, doctest and example.
@@ -45,6 +48,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Experiments(arguments) => experiments::run(&arguments),
         Command::BenchFold(arguments) => bench_fold::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Scenes(arguments) => scenes::run(&arguments),
         Command::Test(arguments) => test::run(&arguments),
         Command::Layers => layers::run(),

@@ -2,14 +2,14 @@
 
 use std::ops::ControlFlow;
 
-use selvedge_grasp::{Event, Guard, Overstretch, Rules};
+use selvedge_grasp::{Event, Guard, Overstretch, Rules, Shape};
 use selvedge_math::Command;
 use selvedge_view::{GripperState, Recording, Rest, Sheet};
 
 use crate::fold::{Fold, view};
 use crate::timing::time_gripper;
 use crate::worst::{Watch, Worst};
-use crate::{Case, Error, Scenario, Solver, Timing};
+use crate::{Case, Error, GripperPlan, Scenario, Solver, Timing};
 
 /// Held nodes may be commanded so many times their rest distance apart before it is told.
 const SLACK: f64 = 1.01;
@@ -129,6 +129,7 @@ fn new_recording(scenario: &Scenario, case: &Case, solver: Solver) -> Result<Rec
         rest,
     };
     let (settings, tolerance, material) = solver.meta(scenario);
+    let grippers: Vec<_> = case.grippers.iter().map(gripper_meta).collect();
     let meta = serde_json::json!({
         "scenario": scenario.name,
         "case": case.name,
@@ -138,6 +139,7 @@ fn new_recording(scenario: &Scenario, case: &Case, solver: Solver) -> Result<Rec
         "tolerance": tolerance,
         "material": material,
         "settings": settings,
+        "grippers": grippers,
         "input_sha256": case.input_hash(solver),
     });
     Ok(Recording::new(
@@ -145,4 +147,20 @@ fn new_recording(scenario: &Scenario, case: &Case, solver: Solver) -> Result<Rec
         case.grippers.len(),
         meta.to_string(),
     )?)
+}
+
+/// The grasping volume, for those who draw it.
+fn gripper_meta(plan: &GripperPlan) -> serde_json::Value {
+    let tip_offset = plan.gripper.volume().offset();
+    match plan.gripper.volume().shape() {
+        Shape::Box { size } => {
+            serde_json::json!({"type": "box", "size_m": size.to_array(), "tip_offset_m": tip_offset.to_array()})
+        }
+        Shape::Pyramid { side, height } => serde_json::json!({
+            "type": "pyramid",
+            "side_m": side,
+            "height_m": height,
+            "tip_offset_m": tip_offset.to_array(),
+        }),
+    }
 }

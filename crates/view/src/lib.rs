@@ -3,14 +3,19 @@
 
 mod chart;
 mod error;
+mod mesh_file;
 mod npz;
+mod picture;
 mod recording;
 mod sheet;
+mod surface;
+mod volume;
 mod whole;
 
 pub use chart::Chart;
 pub use error::Error;
 pub use npz::MAX_BYTES;
+pub use picture::{Camera, Picture};
 pub use recording::{GripperState, Recording};
 pub use sheet::{Rest, Sheet};
 pub use whole::write_whole;

@@ -170,6 +170,12 @@ impl Recording {
         &self.meta
     }
 
+    /// A field of the description.
+    pub(crate) fn meta_field(&self, name: &str) -> Option<serde_json::Value> {
+        let mut fields: serde_json::Map<_, _> = serde_json::from_str(&self.meta).ok()?;
+        fields.remove(name)
+    }
+
     /// The times [s], one a frame.
     pub fn times(&self) -> &[f64] {
         &self.times
