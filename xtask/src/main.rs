@@ -12,6 +12,7 @@ mod layers;
 mod progress;
 mod report;
 mod scenes;
+mod show;
 mod test;
 mod workspace;
 
@@ -34,6 +35,8 @@ enum Command {
     BenchFold(bench_fold::Arguments),
     /// Write a moment of a recording, or all of it, as a picture, a film or a mesh.
     Export(export::Arguments),
+    /// Make a page with a 3D player of recordings.
+    Show(show::Arguments),
     /// Simulate scenes with a known answer and record them.
     Scenes(scenes::Arguments),
     /// Run every test, doctest and example.
@@ -49,6 +52,7 @@ fn main() -> ExitCode {
         Command::Experiments(arguments) => experiments::run(&arguments),
         Command::BenchFold(arguments) => bench_fold::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
+        Command::Show(arguments) => show::run(&arguments),
         Command::Scenes(arguments) => scenes::run(&arguments),
         Command::Test(arguments) => test::run(&arguments),
         Command::Layers => layers::run(),
