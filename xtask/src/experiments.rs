@@ -10,7 +10,7 @@ use std::time::Instant;
 use anyhow::Context;
 use clap::ValueEnum;
 use selvedge_folding::{
-    Error, Expected, Experiment, Measured, Options, Scenario, Solver, experiment, terminal,
+    Error, Expected, Experiment, Export, Measured, Options, Scenario, Solver, experiment, terminal,
 };
 
 use crate::progress::Progress;
@@ -40,6 +40,18 @@ pub(crate) struct Arguments {
     /// Folds that run at the same time [default: the number of processors].
     #[arg(long, value_name = "N")]
     jobs: Option<std::num::NonZeroUsize>,
+    /// Go on with an interrupted run: folds whose inputs are the same are not run again.
+    #[arg(long)]
+    resume: bool,
+    /// Write key frames of each case side by side, CASE.frames.png.
+    #[arg(long)]
+    frames: bool,
+    /// Write an animation of each case, CASE.gif.
+    #[arg(long)]
+    video: bool,
+    /// Write each recording for robot tools, CASE.mcap.
+    #[arg(long)]
+    mcap: bool,
     /// Print the table only.
     #[arg(long)]
     quiet: bool,
@@ -63,6 +75,34 @@ impl Solvers {
             Self::Both => vec![Solver::Published, Solver::Default],
         }
     }
+}
+
+impl Arguments {
+    fn exports(&self) -> Vec<Export> {
+        let wanted = [
+            (self.frames, Export::Frames),
+            (self.video, Export::Video),
+            (self.mcap, Export::Mcap),
+        ];
+        wanted
+            .into_iter()
+            .filter(|(wanted, _)| *wanted)
+            .map(|(_, export)| export)
+            .collect()
+    }
+}
+
+/// The command as one may type it again.
+fn command(arguments: impl Iterator<Item = String>) -> String {
+    let quoted = arguments.map(|argument| match argument.contains(' ') {
+        true => format!("'{argument}'"),
+        false => argument,
+    });
+    ["cargo xtask".to_owned()]
+        .into_iter()
+        .chain(quoted)
+        .collect::<Vec<_>>()
+        .join(" ")
 }
 
 /// A noise within its bounds: larger ones change the task.
@@ -104,6 +144,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         ),
         ensemble: arguments.ensemble as usize,
         noise: arguments.noise,
+        resume: arguments.resume,
+        exports: arguments.exports(),
+        command: command(std::env::args().skip(1)),
     };
     ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)).context("Ctrl-C")?;
 
@@ -124,7 +167,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         }
         Err(Error::Stopped) => {
             eprintln!(
-                "stopped; the files of finished cases are in {}",
+                "stopped; the files of finished cases are in {}, --resume goes on from there",
                 options.out.display()
             );
             Ok(ExitCode::from(INTERRUPTED))
@@ -164,6 +207,10 @@ fn report(
         println!("Strain: largest edge strain of the run, see docs/SCENARIOS.md.");
         let seconds = start.elapsed().as_secs_f64();
         println!("{seconds:.1} s; files in {}", options.out.display());
+        println!(
+            "Open {} in a browser.",
+            options.out.join("report.html").display()
+        );
     }
 }
 

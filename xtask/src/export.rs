@@ -1,4 +1,4 @@
-//! `cargo xtask export`: a recording as a picture, a film or a mesh.
+//! `cargo xtask export`: a recording as a picture, a film, a mesh, or for robot tools.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -11,7 +11,8 @@ use selvedge_view::{Picture, Recording, write_whole};
 pub(crate) struct Arguments {
     /// The recording (.npz).
     recording: PathBuf,
-    /// The file to write: .png (a picture), .gif (a film), .obj or .ply (a mesh).
+    /// The file to write: .png (a picture), .gif (a film), .obj or .ply (a mesh), .mcap (all of it for
+    /// robot tools).
     file: PathBuf,
     /// The moment to show [s]; the last one if not given.
     #[arg(long, value_name = "T", conflicts_with = "frames")]
@@ -42,6 +43,11 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let [width, height] = arguments.size;
     let whole = recording.camera(width, height);
     let extension = arguments.file.extension().unwrap_or_default();
+    if extension == "mcap" {
+        recording.write_mcap(&arguments.file)?;
+        println!("{}", arguments.file.display());
+        return Ok(ExitCode::SUCCESS);
+    }
     let bytes = match extension.to_str().unwrap_or_default() {
         "png" => {
             let pictures = match arguments.frames {
@@ -58,7 +64,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         "obj" => recording.obj(frame).into_bytes(),
         "ply" => recording.ply(frame).into_bytes(),
         _ => bail!(
-            "{}: the name must end in .png, .gif, .obj or .ply",
+            "{}: the name must end in .png, .gif, .obj, .ply or .mcap",
             arguments.file.display()
         ),
     };

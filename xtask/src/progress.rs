@@ -59,6 +59,11 @@ impl Progress {
                     bar.set_position(step as u64 + 1);
                 }
             }
+            Event::Reused { fold } => {
+                if self.lines && fold.member == 0 {
+                    eprintln!("{fold} was done before");
+                }
+            }
             Event::Finished { fold, failure } => {
                 if let Some(bar) = running.bars.remove(&fold.to_string()) {
                     bar.finish_and_clear();

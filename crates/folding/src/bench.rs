@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::fold::Fold;
-use crate::table::{Column, print};
+use crate::table::{numbers, print, texts};
 use crate::timing::median;
 use crate::worst::{Watch, Worst};
 use crate::{Case, Error, Scenario, Solver};
@@ -110,15 +110,15 @@ impl Bench {
                 Ok((time, worst)) => cell(*time, worst),
                 Err(_) => "-".to_owned(),
             });
-            Column::number(header, cells)
+            numbers(header, cells)
         };
         let percent = |value: f64| format!("{:.4} %", value * 100.0);
         let micrometres = |value: f64| format!("{:.1} um", value * 1e6);
         let measured = |value: Option<String>| value.unwrap_or("-".to_owned());
         let seconds = |time: Duration| time.as_secs_f64();
         print(&[
-            Column::text("Case", self.rows.iter().map(|row| row.case.clone())),
-            Column::text("Solver", self.rows.iter().map(|row| row.solver.to_string())),
+            texts("Case", self.rows.iter().map(|row| row.case.clone())),
+            texts("Solver", self.rows.iter().map(|row| row.solver.to_string())),
             column("ms/step", &|time, _| {
                 format!("{:.4}", seconds(time) * 1e3 / self.steps as f64)
             }),

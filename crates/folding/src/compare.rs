@@ -38,7 +38,7 @@ pub(crate) fn compare(results: &Results<'_>, expected: &Expected) -> Experiment 
                 overstretched: run.overstretch.is_some(),
             }
         });
-        let timing = result.as_ref().ok().map(|run| run.timing);
+        let timing = result.as_ref().ok().and_then(|run| run.timing);
         (Row::new(case, solver, expected, measured), timing)
     });
     Experiment {
@@ -49,19 +49,12 @@ pub(crate) fn compare(results: &Results<'_>, expected: &Expected) -> Experiment 
 /// `E(t)` of every finished case from the first step on, all cases of a solver together.
 pub(crate) fn curves(results: &Results<'_>, solvers: &[Solver]) -> Vec<(String, Vec<(f64, f64)>)> {
     let ideal = results.ideal();
-    let diagonal = results.scenario.mesh.diagonal();
     let mut curves = Vec::new();
     for &wanted in solvers {
         for (number, &(case, solver)) in results.pairs.iter().enumerate() {
-            let (Ok(run), Some(reference)) =
-                (&results.runs[number], results.reference(number, &ideal))
-            else {
-                continue;
-            };
-            if solver == wanted {
-                let frames = run.recording.times().iter().enumerate();
-                let error = |row| fold_error(run.recording.positions(row), reference, diagonal);
-                let points = frames.map(|(row, &time)| (time, error(row))).collect();
+            if solver == wanted
+                && let Some(points) = results.curve(number, &ideal)
+            {
                 curves.push((format!("{} {solver}", case.name), points));
             }
         }
@@ -70,13 +63,28 @@ pub(crate) fn curves(results: &Results<'_>, solvers: &[Solver]) -> Vec<(String, 
 }
 
 impl Results<'_> {
-    fn ideal(&self) -> Vec<DVec3> {
+    /// `E(t)` of a pair; none if it or its reference failed.
+    pub(crate) fn curve(&self, number: usize, ideal: &[DVec3]) -> Option<Vec<(f64, f64)>> {
+        let run = self.runs[number].as_ref().ok()?;
+        let reference = self.reference(number, ideal)?;
+        let diagonal = self.scenario.mesh.diagonal();
+        let frames = run.recording.times().iter().enumerate();
+        let error = |row| fold_error(run.recording.positions(row), reference, diagonal);
+        Some(frames.map(|(row, &time)| (time, error(row))).collect())
+    }
+
+    /// The analytic half fold.
+    pub(crate) fn ideal(&self) -> Vec<DVec3> {
         half_fold(&self.scenario.mesh, self.scenario.material.thickness)
     }
 
     /// What a pair is measured against: the end of its reference case on the same solver, or the
     /// analytic half fold.
-    fn reference<'a>(&'a self, number: usize, ideal: &'a [DVec3]) -> Option<&'a [DVec3]> {
+    pub(crate) fn reference<'a>(
+        &'a self,
+        number: usize,
+        ideal: &'a [DVec3],
+    ) -> Option<&'a [DVec3]> {
         let (case, solver) = self.pairs[number];
         let Some(name) = &case.reference else {
             return Some(ideal);

@@ -2,14 +2,18 @@
 
 use std::fmt;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+
+use selvedge_math::DVec3;
 
 use crate::compare::{Results, compare, curves};
 use crate::ensemble::run_member;
 use crate::expected::Expected;
-use crate::run::run;
+use crate::report::report;
+use crate::resume::{finished_member, finished_run, member_path, write_member};
+use crate::run::{run, sheet};
 use crate::table::Row;
 use crate::{Case, Error, Run, Scenario, Solver, Timing, files};
 
@@ -28,6 +32,24 @@ pub struct Options {
     pub ensemble: usize,
     /// How far a coordinate of a perturbed start may be from that of the sheet at rest [m].
     pub noise: f64,
+    /// Whether finished folds of an earlier experiment in the same folder are taken as they are,
+    /// where their inputs are the same.
+    pub resume: bool,
+    /// What else is written for each case.
+    pub exports: Vec<Export>,
+    /// The command that runs this experiment, for its page.
+    pub command: String,
+}
+
+/// A file for other programs and for looking at, beside each recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Export {
+    /// `CASE.frames.png`: key frames side by side.
+    Frames,
+    /// `CASE.gif`: an animation.
+    Video,
+    /// `CASE.mcap`: for Foxglove and other robot tools.
+    Mcap,
 }
 
 /// One fold: a case on a solver, as it is or as a member of its ensemble.
@@ -68,6 +90,11 @@ pub enum Event<'a> {
         /// The step, from 0.
         step: usize,
     },
+    /// A fold was done by an earlier experiment.
+    Reused {
+        /// Which one.
+        fold: FoldName<'a>,
+    },
     /// A fold is done and its files are written.
     Finished {
         /// Which one.
@@ -93,14 +120,15 @@ impl Experiment {
 
 type Observe<'a> = &'a (dyn Fn(Event<'_>) -> ControlFlow<()> + Sync);
 
-/// Runs the cases on each solver, and writes for each its recording `SOLVER/CASE.npz` and its
-/// commands `SOLVER/CASE.commands.csv`, then `table.csv`, `table.md`, `curves.csv`, `curves.svg`
-/// and `timings.csv`. Only the last depends on the machine: the others are the same bytes whenever
-/// and with however many jobs they are made.
+/// Runs the cases on each solver, and writes for each its recording `SOLVER/CASE.npz`, a picture of
+/// its end `CASE.png` and its commands `CASE.commands.csv`, then `table.csv`, `table.md`,
+/// `curves.csv`, `curves.svg`, `timings.csv` and a page `report.html` with all of it and a 3D player.
+/// Only the last two depend on the machine and the day: the others are the same bytes whenever and
+/// with however many jobs they are made.
 ///
-/// What an earlier experiment left under these names is removed first. A case that fails is a row
-/// with its reason; the others go on. Of the members of an ensemble only the error at the end is
-/// kept. `observe` is called from the running threads and stops the experiment when it breaks.
+/// What an earlier experiment left under these names is removed first, but for what is taken up
+/// again. A case that fails is a row with its reason; the others go on. Of a member of an ensemble
+/// only the end is kept, `SOLVER/members/CASE.MEMBER.npz`. `observe` is called from the running threads and stops the experiment when it breaks.
 ///
 /// # Errors
 /// [`Error::UnknownCase`], [`Error::Stopped`], and whatever prevents a file from being written.
@@ -115,7 +143,10 @@ pub fn experiment(
     for solver in &options.solvers {
         let folder = options.out.join(solver.name());
         files::make_folder(&folder)?;
-        files::remove_old(&options.out, &folder, &cases)?;
+        if options.ensemble > 0 {
+            files::make_folder(&folder.join("members"))?;
+        }
+        files::remove_old(&options.out, &folder, &cases, options.resume)?;
     }
     let on_each = |case| options.solvers.iter().map(move |&solver| (case, solver));
     let pairs: Vec<(&Case, Solver)> = cases.into_iter().flat_map(on_each).collect();
@@ -124,6 +155,11 @@ pub fn experiment(
     let runs = slots(pairs.len());
     let ends = slots(pairs.len() * options.ensemble);
     let (next, total) = (AtomicUsize::new(0), runs.len() + ends.len());
+    let job = Job {
+        scenario,
+        options,
+        observe,
+    };
     let work = || {
         loop {
             let number = next.fetch_add(1, Ordering::Relaxed);
@@ -137,20 +173,8 @@ pub fn experiment(
                 member,
             };
             let kept = match number.checked_sub(runs.len()) {
-                None => {
-                    let folder = options.out.join(solver.name());
-                    let result = told(fold, scenario, observe, |step| {
-                        run_case(scenario, case, solver, &folder, step)
-                    });
-                    keep(&runs[number], result)
-                }
-                Some(index) => {
-                    let noise = options.noise;
-                    let result = told(fold, scenario, observe, |step| {
-                        run_member(scenario, case, solver, member, noise, step)
-                    });
-                    keep(&ends[index], result)
-                }
+                None => keep(&runs[number], job.case(fold, case)),
+                Some(index) => keep(&ends[index], job.member(fold, case)),
             };
             if kept.is_break() {
                 next.store(total, Ordering::Relaxed);
@@ -173,6 +197,8 @@ pub fn experiment(
     let result = compare(&results, expected);
     files::write_tables(&options.out, &result.rows)?;
     files::write_curves(&options.out, &curves(&results, &options.solvers))?;
+    let html = report(&results, &result, options)?;
+    files::write_text(&options.out.join(files::REPORT), &html)?;
     Ok(result)
 }
 
@@ -252,39 +278,83 @@ fn chosen<'a>(scenario: &'a Scenario, names: &[String]) -> Result<Vec<&'a Case>,
     Ok(scenario.cases.iter().filter(is_wanted).collect())
 }
 
-/// Does a fold's work and tells of it.
-fn told<T>(
-    fold: FoldName<'_>,
-    scenario: &Scenario,
-    observe: Observe<'_>,
-    work: impl FnOnce(&mut dyn FnMut(usize) -> ControlFlow<()>) -> Result<T, Error>,
-) -> Result<T, Error> {
-    let steps = scenario.steps;
-    if observe(Event::Started { fold, steps }).is_break() {
-        return Err(Error::Stopped);
-    }
-    let result = work(&mut |step| observe(Event::Step { fold, step }));
-    let failure = result.as_ref().err().map(Error::to_string);
-    let finished = Event::Finished {
-        fold,
-        failure: failure.as_deref(),
-    };
-    if observe(finished).is_break() {
-        return Err(Error::Stopped);
-    }
-    result
+/// What all folds of an experiment share.
+#[derive(Clone, Copy)]
+struct Job<'a> {
+    scenario: &'a Scenario,
+    options: &'a Options,
+    observe: Observe<'a>,
 }
 
-fn run_case(
-    scenario: &Scenario,
-    case: &Case,
-    solver: Solver,
-    folder: &Path,
-    observe: &mut dyn FnMut(usize) -> ControlFlow<()>,
-) -> Result<Run, Error> {
-    let run = run(scenario, case, solver, observe)?;
-    let file = folder.join(format!("{}.npz", case.name));
-    run.recording.write(file)?;
-    files::write_commands(folder, scenario, case)?;
-    Ok(run)
+impl Job<'_> {
+    fn case(&self, fold: FoldName<'_>, case: &Case) -> Result<Run, Error> {
+        let (scenario, solver) = (self.scenario, fold.solver);
+        let folder = self.options.out.join(solver.name());
+        let path = folder.join(format!("{}.npz", case.name));
+        if self.options.resume
+            && let Some(run) = finished_run(&path, case, solver)
+        {
+            files::write_commands(&folder, scenario, case)?;
+            files::write_pictures(&folder, case, &run.recording, &self.options.exports)?;
+            self.reused(fold)?;
+            return Ok(run);
+        }
+        self.told(fold, |step| {
+            let run = run(scenario, case, solver, step)?;
+            files::write_commands(&folder, scenario, case)?;
+            files::write_pictures(&folder, case, &run.recording, &self.options.exports)?;
+            // Last: it is what tells that the case is finished.
+            run.recording.write(&path)?;
+            Ok(run)
+        })
+    }
+
+    fn member(&self, fold: FoldName<'_>, case: &Case) -> Result<Vec<DVec3>, Error> {
+        let (scenario, noise) = (self.scenario, self.options.noise);
+        let (solver, member) = (fold.solver, fold.member);
+        let folder = self.options.out.join(solver.name());
+        let path = member_path(&folder, case, member);
+        if self.options.resume
+            && let Some(end) = finished_member(&path, case, solver, noise)
+        {
+            self.reused(fold)?;
+            return Ok(end);
+        }
+        self.told(fold, |step| {
+            let end = run_member(scenario, case, solver, member, noise, step)?;
+            let time = scenario.time(scenario.steps);
+            let name = (case, solver, member);
+            write_member(&path, sheet(scenario), name, noise, time, &end)?;
+            Ok(end)
+        })
+    }
+
+    fn reused(&self, fold: FoldName<'_>) -> Result<(), Error> {
+        match (self.observe)(Event::Reused { fold }) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(Error::Stopped),
+        }
+    }
+
+    /// Does a fold's work and tells of it.
+    fn told<T>(
+        &self,
+        fold: FoldName<'_>,
+        work: impl FnOnce(&mut dyn FnMut(usize) -> ControlFlow<()>) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let (observe, steps) = (self.observe, self.scenario.steps);
+        if observe(Event::Started { fold, steps }).is_break() {
+            return Err(Error::Stopped);
+        }
+        let result = work(&mut |step| observe(Event::Step { fold, step }));
+        let failure = result.as_ref().err().map(Error::to_string);
+        let finished = Event::Finished {
+            fold,
+            failure: failure.as_deref(),
+        };
+        if observe(finished).is_break() {
+            return Err(Error::Stopped);
+        }
+        result
+    }
 }

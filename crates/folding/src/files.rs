@@ -4,10 +4,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use selvedge_trajectory::log::{Log, Sample, write};
-use selvedge_view::{Chart, write_whole};
+use selvedge_view::{Chart, Picture, Recording, write_whole};
 
 use crate::table::{Row, markdown, write_csv, write_timings};
-use crate::{Case, Error, Scenario, Timing};
+use crate::{Case, Error, Export, Scenario, Timing};
 
 /// Makes the folder and finds out now, not after the run, whether it can be written to.
 pub(crate) fn make_folder(folder: &Path) -> Result<(), Error> {
@@ -22,9 +22,19 @@ pub(crate) fn make_folder(folder: &Path) -> Result<(), Error> {
         .map_err(failed)
 }
 
-/// Removes what an earlier run left, so that no file of it stands beside files of this one.
-pub(crate) fn remove_old(out: &Path, folder: &Path, cases: &[&Case]) -> Result<(), Error> {
+/// The page.
+pub(crate) const REPORT: &str = "report.html";
+
+/// Removes what an earlier run left, so that no file of it stands beside files of this one; finished
+/// folds stay if they may be used again.
+pub(crate) fn remove_old(
+    out: &Path,
+    folder: &Path,
+    cases: &[&Case],
+    resume: bool,
+) -> Result<(), Error> {
     let tables = [
+        REPORT,
         "table.csv",
         "table.md",
         "timings.csv",
@@ -33,8 +43,15 @@ pub(crate) fn remove_old(out: &Path, folder: &Path, cases: &[&Case]) -> Result<(
     ];
     let mut old: Vec<PathBuf> = tables.iter().map(|name| out.join(name)).collect();
     for case in cases {
-        old.push(folder.join(format!("{}.npz", case.name)));
+        let endings = ["png", "frames.png", "gif", "mcap"];
+        old.extend(endings.map(|ending| folder.join(format!("{}.{ending}", case.name))));
+        if !resume {
+            old.push(folder.join(format!("{}.npz", case.name)));
+        }
         old.extend((0..case.grippers.len()).map(|number| commands_path(folder, case, number)));
+    }
+    if !resume {
+        old.extend(members(folder, cases)?);
     }
     for path in old {
         match std::fs::remove_file(&path) {
@@ -45,6 +62,31 @@ pub(crate) fn remove_old(out: &Path, folder: &Path, cases: &[&Case]) -> Result<(
         }
     }
     Ok(())
+}
+
+/// Ends of members of these cases.
+fn members(folder: &Path, cases: &[&Case]) -> Result<Vec<PathBuf>, Error> {
+    let folder = folder.join("members");
+    let entries = match std::fs::read_dir(&folder) {
+        Ok(entries) => entries,
+        Err(reason) if reason.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(reason) => {
+            return Err(Error::File {
+                path: folder,
+                reason,
+            });
+        }
+    };
+    let is_one = |path: &PathBuf| {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        let case = name.rsplit_once('.').map(|(case, _)| case);
+        cases.iter().any(|known| Some(known.name.as_str()) == case)
+    };
+    Ok(entries
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(is_one)
+        .collect())
 }
 
 /// `CASE.commands.csv`, or `CASE.gripperN.commands.csv` of several.
@@ -80,14 +122,66 @@ pub(crate) fn write_commands(folder: &Path, scenario: &Scenario, case: &Case) ->
     Ok(())
 }
 
+/// A picture of a case's end, and what else is wanted of its recording.
+pub(crate) fn write_pictures(
+    folder: &Path,
+    case: &Case,
+    recording: &Recording,
+    exports: &[Export],
+) -> Result<(), Error> {
+    const END: [u32; 2] = [1200, 900];
+    const STRIP: [u32; 2] = [480, 400];
+    const STRIP_FRAMES: usize = 6;
+    const FILM: [u32; 2] = [640, 480];
+    const RATE: f64 = 15.0;
+    let path = |ending: &str| folder.join(format!("{}.{ending}", case.name));
+    let put = |ending: &str, bytes: &[u8]| {
+        write_whole(path(ending), |writer| Ok(writer.write_all(bytes)?))
+    };
+    put("png", &end_picture(recording, END)?.png()?)?;
+    for export in exports {
+        match export {
+            Export::Frames => {
+                let [width, height] = STRIP;
+                let camera = recording.camera(width, height);
+                let frames = recording.key_frames(STRIP_FRAMES).into_iter();
+                let pictures = frames.map(|k| recording.picture(k, &camera, width, height));
+                let strip = Picture::beside(&pictures.collect::<Result<Vec<_>, _>>()?);
+                put("frames.png", &strip.png()?)?;
+            }
+            Export::Video => {
+                let [width, height] = FILM;
+                let camera = recording.camera(width, height);
+                put("gif", &recording.gif(&camera, width, height, RATE)?)?;
+            }
+            Export::Mcap => recording.write_mcap(path("mcap"))?,
+        }
+    }
+    Ok(())
+}
+
+/// The last frame from near.
+pub(crate) fn end_picture(
+    recording: &Recording,
+    [width, height]: [u32; 2],
+) -> Result<Picture, Error> {
+    let last = recording.frame_count() - 1;
+    let camera = recording.close_camera(last, width, height);
+    Ok(recording.picture(last, &camera, width, height)?)
+}
+
+pub(crate) fn write_text(path: &Path, text: &str) -> Result<(), Error> {
+    Ok(write_whole(path, |writer| {
+        Ok(writer.write_all(text.as_bytes())?)
+    })?)
+}
+
 pub(crate) fn write_tables(folder: &Path, rows: &[(Row, Option<Timing>)]) -> Result<(), Error> {
     let only_rows: Vec<Row> = rows.iter().map(|(row, _)| row.clone()).collect();
     write_whole(folder.join("table.csv"), |writer| {
         Ok(write_csv(&only_rows, writer)?)
     })?;
-    write_whole(folder.join("table.md"), |writer| {
-        Ok(writer.write_all(markdown(rows).as_bytes())?)
-    })?;
+    write_text(&folder.join("table.md"), &markdown(rows))?;
     write_whole(folder.join("timings.csv"), |writer| {
         Ok(write_timings(rows, writer)?)
     })?;
@@ -123,9 +217,5 @@ pub(crate) fn write_curves(
         y_label: "E(t)",
         series: curves,
     };
-    let svg = chart.svg()?;
-    write_whole(folder.join("curves.svg"), |writer| {
-        Ok(writer.write_all(svg.as_bytes())?)
-    })?;
-    Ok(())
+    write_text(&folder.join("curves.svg"), &chart.svg()?)
 }

@@ -7,6 +7,7 @@ use selvedge_math::Command;
 use selvedge_view::{GripperState, Recording, Rest, Sheet};
 
 use crate::fold::{Fold, view};
+use crate::resume::outcome;
 use crate::timing::time_gripper;
 use crate::worst::{Watch, Worst};
 use crate::{Case, Error, GripperPlan, Scenario, Solver, Timing};
@@ -27,8 +28,8 @@ pub struct Run {
     pub refused: Vec<u32>,
     /// The first two held nodes that were commanded further apart than the cloth is long, if any.
     pub overstretch: Option<Overstretch>,
-    /// Where the time went.
-    pub timing: Timing,
+    /// Where the time went; none of a run that was read from its file.
+    pub timing: Option<Timing>,
 }
 
 /// Runs a case from the cloth at rest.
@@ -52,7 +53,7 @@ pub fn run(
     let mut support = vec![Vec::new(); case.grippers.len()];
     let (mut refused, mut overstretch) = (Vec::new(), None);
 
-    let mut recording = new_recording(scenario, case, solver)?;
+    let mut recording = Recording::new(sheet(scenario), case.grippers.len(), "{}".into())?;
     let mut holder = vec![0u8; mesh.node_count()];
     let mut states: Vec<GripperState> = Vec::with_capacity(case.grippers.len());
     let open = |command: &Command| GripperState {
@@ -105,17 +106,21 @@ pub fn run(
     timing.solver_substep = timing.solver_step / solver.substeps(scenario);
     let simulated = scenario.frame * f64::from(steps);
     timing.real_time_factor = simulated / (fold.spent + timing.gripper_step * steps).as_secs_f64();
-    Ok(Run {
+    let mut run = Run {
         recording,
         support,
         worst: watch.worst,
         refused,
         overstretch,
-        timing,
-    })
+        timing: Some(timing),
+    };
+    let meta = meta(scenario, case, solver, outcome(&run));
+    run.recording.set_meta(meta)?;
+    Ok(run)
 }
 
-fn new_recording(scenario: &Scenario, case: &Case, solver: Solver) -> Result<Recording, Error> {
+/// Faces and shape at rest of the scenario's cloth.
+pub(crate) fn sheet(scenario: &Scenario) -> Sheet {
     let rest = match scenario.mesh.as_grid() {
         Some(grid) => Rest::Grid {
             nodes: grid.nodes.map(|n| n as u32),
@@ -123,11 +128,15 @@ fn new_recording(scenario: &Scenario, case: &Case, solver: Solver) -> Result<Rec
         },
         None => Rest::Positions(scenario.mesh.rest().to_vec()),
     };
-    let sheet = Sheet {
+    Sheet {
         quads: scenario.mesh.quads().to_vec(),
         triangles: scenario.mesh.triangles().to_vec(),
         rest,
-    };
+    }
+}
+
+/// The description of a recording.
+fn meta(scenario: &Scenario, case: &Case, solver: Solver, outcome: serde_json::Value) -> String {
     let (settings, tolerance, material) = solver.meta(scenario);
     let grippers: Vec<_> = case.grippers.iter().map(gripper_meta).collect();
     let meta = serde_json::json!({
@@ -141,12 +150,9 @@ fn new_recording(scenario: &Scenario, case: &Case, solver: Solver) -> Result<Rec
         "settings": settings,
         "grippers": grippers,
         "input_sha256": case.input_hash(solver),
+        "outcome": outcome,
     });
-    Ok(Recording::new(
-        sheet,
-        case.grippers.len(),
-        meta.to_string(),
-    )?)
+    meta.to_string()
 }
 
 /// The grasping volume, for those who draw it.

@@ -2,6 +2,7 @@
 
 use selvedge_cloth::Mesh;
 use selvedge_math::{DVec3, Held, Status, StepReport};
+use serde::{Deserialize, Serialize};
 
 use crate::metric::edge_strain;
 
@@ -9,7 +10,7 @@ use crate::metric::edge_strain;
 const RECOVERY: f64 = 0.5;
 
 /// The worst of each measure over the steps of a run.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Worst {
     /// Largest edge strain `|length/rest - 1|`, at the end of any substep if the solver measures
     /// it, else at the end of any step. Edges with both ends held do not count, nor do those for

@@ -3,6 +3,7 @@
 
 mod chart;
 mod error;
+mod mcap_file;
 mod mesh_file;
 mod npz;
 mod page;

@@ -69,7 +69,8 @@ mod tests {
     use selvedge_math::{Command, Jaw, Pose};
 
     fn recording() -> Recording {
-        let points = [[0., 0.], [1., 0.], [1., 1.], [0., 1.], [2., 0.]].map(|[x, y]| DVec3::new(x, y, 0.5));
+        let points =
+            [[0., 0.], [1., 0.], [1., 1.], [0., 1.], [2., 0.]].map(|[x, y]| DVec3::new(x, y, 0.5));
         let sheet = Sheet {
             quads: vec![[0, 1, 2, 3]],
             triangles: vec![[1, 4, 2]],
@@ -80,8 +81,13 @@ mod tests {
             pose: Pose::IDENTITY,
             jaw: Jaw::Closed,
         };
-        let state = GripperState { command, alpha: 1.0 };
-        recording.push(0.25, &points, &[state], &[0, 0, 0, 0, 1]).unwrap();
+        let state = GripperState {
+            command,
+            alpha: 1.0,
+        };
+        recording
+            .push(0.25, &points, &[state], &[0, 0, 0, 0, 1])
+            .unwrap();
         recording
     }
 
@@ -97,7 +103,8 @@ mod tests {
         let text = recording().ply(0);
         let (header, body) = text.split_once("end_header\n").unwrap();
         assert!(header.contains("element vertex 5\n") && header.contains("element face 2\n"));
-        let expected = "0 0 0.5 0\n1 0 0.5 0\n1 1 0.5 0\n0 1 0.5 0\n2 0 0.5 1\n4 0 1 2 3\n3 1 4 2\n";
+        let expected =
+            "0 0 0.5 0\n1 0 0.5 0\n1 1 0.5 0\n0 1 0.5 0\n2 0 0.5 1\n4 0 1 2 3\n3 1 4 2\n";
         assert_eq!(body, expected);
     }
 }

@@ -84,19 +84,7 @@ impl Recording {
             let value = format!("{gripper_count} grippers");
             return Err(Error::value("jaw", value, "255 at most"));
         }
-        if meta.len() > MAX_META {
-            let value = format!("{} bytes", meta.len());
-            return Err(Error::value(
-                "meta",
-                value,
-                format!("{MAX_META} bytes at most"),
-            ));
-        }
-        if let Err(error) =
-            serde_json::from_str::<serde_json::Map<String, serde_json::Value>>(&meta)
-        {
-            return Err(Error::value("meta", error.to_string(), "a JSON object"));
-        }
+        check_meta(&meta)?;
         Ok(Self {
             sheet,
             node_count,
@@ -168,6 +156,16 @@ impl Recording {
     /// The description, a JSON object.
     pub fn meta(&self) -> &str {
         &self.meta
+    }
+
+    /// Gives another description, a JSON object.
+    ///
+    /// # Errors
+    /// [`Error::Value`], and the old one stays, when `meta` is no JSON object or longer than 16 MiB.
+    pub fn set_meta(&mut self, meta: String) -> Result<(), Error> {
+        check_meta(&meta)?;
+        self.meta = meta;
+        Ok(())
     }
 
     /// A field of the description.
@@ -386,6 +384,22 @@ impl Recording {
         }
         Ok(recording)
     }
+}
+
+/// A JSON object that is not too long.
+fn check_meta(meta: &str) -> Result<(), Error> {
+    if meta.len() > MAX_META {
+        let value = format!("{} bytes", meta.len());
+        return Err(Error::value(
+            "meta",
+            value,
+            format!("{MAX_META} bytes at most"),
+        ));
+    }
+    if let Err(error) = serde_json::from_str::<serde_json::Map<String, serde_json::Value>>(meta) {
+        return Err(Error::value("meta", error.to_string(), "a JSON object"));
+    }
+    Ok(())
 }
 
 fn check_frame(

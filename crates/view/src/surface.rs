@@ -54,7 +54,8 @@ mod tests {
 
     #[test]
     fn a_quad_and_a_triangle_that_share_a_side() {
-        let rest = [[0., 0.], [1., 0.], [1., 1.], [0., 1.], [2., 0.]].map(|[x, y]| DVec3::new(x, y, 0.));
+        let rest =
+            [[0., 0.], [1., 0.], [1., 1.], [0., 1.], [2., 0.]].map(|[x, y]| DVec3::new(x, y, 0.));
         let sheet = Sheet {
             quads: vec![[0, 1, 2, 3]],
             triangles: vec![[1, 4, 2]],

@@ -80,7 +80,11 @@ pub(crate) fn volumes(recording: &Recording) -> Result<Vec<Volume>, Error> {
     let volumes: Vec<Volume> = entries.iter().map(Entry::volume).collect();
     for volume in &volumes {
         if !volume.corners.iter().all(|corner| corner.is_finite()) {
-            return Err(Error::value("meta: grippers", "not finite", "finite lengths"));
+            return Err(Error::value(
+                "meta: grippers",
+                "not finite",
+                "finite lengths",
+            ));
         }
     }
     Ok(volumes)

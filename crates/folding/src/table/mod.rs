@@ -7,7 +7,7 @@ use selvedge_grasp::Shape;
 
 pub(crate) use csv::{write_csv, write_timings};
 pub use text::terminal;
-pub(crate) use text::{Column, markdown, print};
+pub(crate) use text::{columns, markdown, numbers, print, texts};
 
 use crate::ensemble::Ensemble;
 use crate::expected::Expected;

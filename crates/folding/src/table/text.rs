@@ -2,6 +2,8 @@
 
 use comfy_table::{CellAlignment, Table, presets};
 
+use selvedge_view::Column;
+
 use super::{Row, node_text};
 use crate::{Solver, Timing};
 
@@ -16,27 +18,18 @@ Another solver is another cloth: its errors are not expected to have these digit
 - Strain: largest edge strain in any step, see docs/SCENARIOS.md.
 ";
 
-/// One column of a table.
-pub(crate) struct Column {
-    header: String,
-    is_number: bool,
-    cells: Vec<String>,
+pub(crate) fn texts(header: impl Into<String>, cells: impl Iterator<Item = String>) -> Column {
+    Column {
+        header: header.into(),
+        is_number: false,
+        cells: cells.collect(),
+    }
 }
 
-impl Column {
-    pub(crate) fn text(header: impl Into<String>, cells: impl Iterator<Item = String>) -> Self {
-        Self {
-            header: header.into(),
-            is_number: false,
-            cells: cells.collect(),
-        }
-    }
-
-    pub(crate) fn number(header: impl Into<String>, cells: impl Iterator<Item = String>) -> Self {
-        Self {
-            is_number: true,
-            ..Self::text(header, cells)
-        }
+pub(crate) fn numbers(header: impl Into<String>, cells: impl Iterator<Item = String>) -> Column {
+    Column {
+        is_number: true,
+        ..texts(header, cells)
     }
 }
 
@@ -75,6 +68,18 @@ pub(crate) fn markdown(rows: &[(Row, Option<Timing>)]) -> String {
     text + NOTES
 }
 
+/// The columns for a page: what came out, and how well and how fast.
+pub(crate) fn columns(rows: &[(Row, Option<Timing>)]) -> [Vec<Column>; 2] {
+    let (groups, solvers) = grouped(rows);
+    let mut grasps = grasps(&groups);
+    let names = grasps[0].clone();
+    grasps.extend(errors(&groups, &solvers));
+    let mut second = vec![names];
+    second.extend(qualities(&groups, &solvers));
+    second.extend(times(&groups, &solvers));
+    [grasps, second]
+}
+
 /// The rows for a terminal: what came out, then how well and how fast.
 pub fn terminal(rows: &[(Row, Option<Timing>)]) -> String {
     let (groups, solvers) = grouped(rows);
@@ -102,10 +107,10 @@ fn grasps(groups: &[Group<'_>]) -> Vec<Column> {
         rows.map(cell)
     };
     vec![
-        Column::text("Case", of_first(|row| row.case.clone())),
-        Column::text("Support", groups.iter().map(|group| support(group))),
-        Column::text("Volume", of_first(Row::volume)),
-        Column::text("Orientation", of_first(Row::orientation)),
+        texts("Case", of_first(|row| row.case.clone())),
+        texts("Support", groups.iter().map(|group| support(group))),
+        texts("Volume", of_first(Row::volume)),
+        texts("Orientation", of_first(Row::orientation)),
     ]
 }
 
@@ -165,7 +170,7 @@ fn times(groups: &[Group<'_>], solvers: &[Solver]) -> Vec<Column> {
         let timing = group.iter().find_map(|(_, timing)| *timing);
         timing.map_or(dash(), |t| format!("{} ns", t.gripper_step.as_nanos()))
     });
-    let mut columns = vec![Column::number("Gripper/step", gripper)];
+    let mut columns = vec![numbers("Gripper/step", gripper)];
     columns.extend(solvers.iter().map(|&solver| {
         let header = format!("{}: x real time", title(solver));
         column(&header, groups, solver, |_, timing| {
@@ -186,7 +191,7 @@ fn column(
         let found = group.iter().find(|(row, _)| row.solver == solver);
         found.map_or(dash(), |(row, timing)| cell(row, *timing))
     });
-    Column::number(header, cells)
+    numbers(header, cells)
 }
 
 /// The held nodes; once if they are the same on all solvers that ran to the end.

@@ -53,7 +53,11 @@ impl Clip<'_> {
             && (ideal.len() != node_count || !ideal.iter().all(|p| p.is_finite()))
         {
             let value = format!("{} positions", ideal.len());
-            return Err(Error::value("ideal", value, format!("{node_count}, finite")));
+            return Err(Error::value(
+                "ideal",
+                value,
+                format!("{node_count}, finite"),
+            ));
         }
         let frames = self.frames();
         let (Some(&first), Some(&last)) = (frames.first(), frames.last()) else {
@@ -65,7 +69,11 @@ impl Clip<'_> {
 
         let mut bytes = Vec::new();
         let mut floats = |values: &[f64]| {
-            bytes.extend(values.iter().flat_map(|value| (*value as f32).to_le_bytes()));
+            bytes.extend(
+                values
+                    .iter()
+                    .flat_map(|value| (*value as f32).to_le_bytes()),
+            );
         };
         for &frame in &frames {
             floats(&[recording.times()[frame]]);
@@ -132,7 +140,9 @@ impl Clip<'_> {
         let end = self.recording.positions(last);
         let same = |frame: &usize| {
             let nodes = self.recording.positions(*frame).iter().zip(end);
-            let still = nodes.into_iter().all(|(p, q)| (*p - *q).abs().max_element() < 0.5 * UNIT);
+            let still = nodes
+                .into_iter()
+                .all(|(p, q)| (*p - *q).abs().max_element() < 0.5 * UNIT);
             still && self.recording.grippers(*frame) == self.recording.grippers(last)
         };
         let moving = frames.iter().rposition(|frame| !same(frame));

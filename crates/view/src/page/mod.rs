@@ -11,8 +11,8 @@ use serde_json::{Value, json};
 
 use crate::{Error, Picture};
 
-pub use clip::Clip;
 use clip::ACCURACY;
+pub use clip::Clip;
 
 const TEMPLATE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
@@ -93,9 +93,17 @@ impl Page<'_> {
     /// # Ok::<(), selvedge_view::Error>(())
     /// ```
     pub fn html(&self) -> Result<String, Error> {
-        let encoded = self.clips.iter().map(Clip::encode).collect::<Result<Vec<_>, _>>()?;
+        let encoded = self
+            .clips
+            .iter()
+            .map(Clip::encode)
+            .collect::<Result<Vec<_>, _>>()?;
         let (heads, clips): (Vec<Value>, Vec<String>) = encoded.into_iter().unzip();
-        let tables = self.tables.iter().map(Table::rows).collect::<Result<Vec<_>, _>>()?;
+        let tables = self
+            .tables
+            .iter()
+            .map(Table::rows)
+            .collect::<Result<Vec<_>, _>>()?;
         let data = json!({"clips": heads, "curve_name": self.curves[1]}).to_string();
         let render = || -> Result<String, minijinja::Error> {
             let mut environment = Environment::new();
@@ -128,18 +136,34 @@ impl Table {
     /// The table row by row, as the template wants it.
     fn rows(&self) -> Result<Value, Error> {
         let count = self.columns.first().map_or(0, |column| column.cells.len());
-        if let Some(column) = self.columns.iter().find(|column| column.cells.len() != count) {
+        if let Some(column) = self
+            .columns
+            .iter()
+            .find(|column| column.cells.len() != count)
+        {
             let value = format!("{} cells in {}", column.cells.len(), column.header);
-            return Err(Error::value("table", value, format!("{count} as in the first column")));
+            return Err(Error::value(
+                "table",
+                value,
+                format!("{count} as in the first column"),
+            ));
         }
         let (picture_header, pictures) = &self.pictures;
         if !(pictures.is_empty() || pictures.len() == count) {
             let value = format!("pictures for {} rows", pictures.len());
-            return Err(Error::value("table", value, format!("{count}, the number of rows")));
+            return Err(Error::value(
+                "table",
+                value,
+                format!("{count}, the number of rows"),
+            ));
         }
         let mut rows = Vec::with_capacity(count);
         for row in 0..count {
-            let cells: Vec<&String> = self.columns.iter().map(|column| &column.cells[row]).collect();
+            let cells: Vec<&String> = self
+                .columns
+                .iter()
+                .map(|column| &column.cells[row])
+                .collect();
             let mut shown = Vec::new();
             for (words, picture) in pictures.get(row).into_iter().flatten() {
                 shown.push(json!({
@@ -152,7 +176,8 @@ impl Table {
             rows.push(json!({"name": cells[0], "cells": cells, "pictures": shown}));
         }
         let heads = self.columns.iter();
-        let heads = heads.map(|column| json!({"header": column.header, "is_number": column.is_number}));
+        let heads =
+            heads.map(|column| json!({"header": column.header, "is_number": column.is_number}));
         Ok(json!({
             "title": self.title,
             "columns": heads.collect::<Vec<_>>(),
@@ -182,11 +207,16 @@ mod tests {
             pose: Pose::IDENTITY,
             jaw: Jaw::Open,
         };
-        let state = GripperState { command, alpha: 0.0 };
+        let state = GripperState {
+            command,
+            alpha: 0.0,
+        };
         for k in 0..5 {
             let lift = 0.1 * f64::from(k) * DVec3::Z;
             let moved: Vec<DVec3> = points.iter().map(|p| *p + lift).collect();
-            recording.push(f64::from(k), &moved, &[state], &[0; 3]).unwrap();
+            recording
+                .push(f64::from(k), &moved, &[state], &[0; 3])
+                .unwrap();
         }
         recording
     }
@@ -229,7 +259,12 @@ mod tests {
         assert!(uneven.to_string().contains("0 cells in y"), "{uneven}");
         let mut odd = table(vec![column("x", &["1"])]);
         odd.pictures.1 = vec![vec![]; 2];
-        assert!(html(odd).unwrap_err().to_string().contains("pictures for 2 rows"));
+        assert!(
+            html(odd)
+                .unwrap_err()
+                .to_string()
+                .contains("pictures for 2 rows")
+        );
     }
 
     #[test]
@@ -253,9 +288,15 @@ mod tests {
         let error = page(&recording, Some(&short)).unwrap_err().to_string();
         assert!(error.contains("ideal: 1 positions"), "{error}");
         let empty = Recording::new(recording.sheet().clone(), 0, "{}".into()).unwrap();
-        assert!(page(&empty, None).unwrap_err().to_string().contains("no frame"));
+        assert!(
+            page(&empty, None)
+                .unwrap_err()
+                .to_string()
+                .contains("no frame")
+        );
         let mut far = empty;
-        far.push(0.0, &[1e6 * DVec3::X, DVec3::X, DVec3::Y], &[], &[0; 3]).unwrap();
+        far.push(0.0, &[1e6 * DVec3::X, DVec3::X, DVec3::Y], &[], &[0; 3])
+            .unwrap();
         let error = page(&far, None).unwrap_err().to_string();
         assert!(error.contains("node 0 is at 1000000"), "{error}");
     }

@@ -62,7 +62,13 @@ impl Recording {
     /// # Errors
     /// As for [`picture`](Self::picture); [`Error::Draw`] for a rate out of range, a side of more
     /// than 65535 pixels, or a recording without frames.
-    pub fn gif(&self, camera: &Camera, width: u32, height: u32, rate: f64) -> Result<Vec<u8>, Error> {
+    pub fn gif(
+        &self,
+        camera: &Camera,
+        width: u32,
+        height: u32,
+        rate: f64,
+    ) -> Result<Vec<u8>, Error> {
         if !(rate > 0.0 && rate <= 50.0) {
             let reason = format!("{rate} pictures a second, must be above 0 and 50 at most");
             return Err(Error::Draw(reason));
@@ -142,7 +148,9 @@ struct Palette {
 impl Palette {
     fn of(pictures: &[Picture]) -> Self {
         // One pixel of three, with the opacity that the quantiser wants.
-        let pixels = pictures.iter().flat_map(|picture| picture.pixels.chunks_exact(3).step_by(3));
+        let pixels = pictures
+            .iter()
+            .flat_map(|picture| picture.pixels.chunks_exact(3).step_by(3));
         let samples: Vec<u8> = pixels.flat_map(|p| [p[0], p[1], p[2], 255]).collect();
         let quantiser = NeuQuant::new(10, COLOURS, &samples);
         let mut bytes = quantiser.color_map_rgb();
@@ -159,7 +167,9 @@ impl Palette {
 
     fn indices(&mut self, picture: &Picture) -> Vec<u8> {
         let mut index = |pixel: &[u8]| {
-            let key = pixel.iter().fold(0, |key, value| key << 6 | usize::from(value >> 2));
+            let key = pixel
+                .iter()
+                .fold(0, |key, value| key << 6 | usize::from(value >> 2));
             *self.known[key].get_or_insert_with(|| {
                 let middle = |value: u8| value & !3 | 2;
                 let [r, g, b] = [pixel[0], pixel[1], pixel[2]].map(middle);
@@ -189,7 +199,10 @@ mod tests {
             pose: Pose::IDENTITY,
             jaw: Jaw::Open,
         };
-        let state = GripperState { command, alpha: 0.0 };
+        let state = GripperState {
+            command,
+            alpha: 0.0,
+        };
         for k in 0..=60 {
             let time = f64::from(k) / 60.0;
             let positions = points.map(|p| p + 0.1 * time * DVec3::Z);

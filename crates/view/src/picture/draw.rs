@@ -33,7 +33,9 @@ impl Recording {
     /// The camera that sees all of the recording, cloth and grippers in every frame.
     pub fn camera(&self, width: u32, height: u32) -> Camera {
         let frames = 0..self.frame_count();
-        let nodes = frames.clone().flat_map(|frame| self.positions(frame).iter().copied());
+        let nodes = frames
+            .clone()
+            .flat_map(|frame| self.positions(frame).iter().copied());
         let hands = frames.flat_map(|frame| self.grippers(frame));
         let hands = hands.map(|gripper| gripper.command.pose.position());
         Camera::around(nodes.chain(hands), width, height)
@@ -190,14 +192,19 @@ impl Drawing<'_> {
         // Held nodes
         for (node, &holder) in self.recording.grasped(frame).iter().enumerate() {
             if let (1.., Some(centre)) = (holder, self.screen.project(self.positions[node])) {
-                self.raster.disc(centre, (4.0 * self.pixel).max(1.5), GRASPED);
+                self.raster
+                    .disc(centre, (4.0 * self.pixel).max(1.5), GRASPED);
             }
         }
 
         // Volumes
         let states = self.recording.grippers(frame);
         for (volume, state) in volumes(self.recording)?.iter().zip(states) {
-            let width = if state.command.jaw.is_closed() { 2.6 } else { 1.3 };
+            let width = if state.command.jaw.is_closed() {
+                2.6
+            } else {
+                1.3
+            };
             for edge in &volume.edges {
                 let ends = edge.map(|k| state.command.pose.transform(volume.corners[k]));
                 self.line(ends, width, GRIPPER, 0.9);
@@ -215,7 +222,8 @@ mod tests {
 
     /// A square above the table, its front up or down, and a gripper with a box.
     fn square(up: bool, held: u8) -> Recording {
-        let points = [[0., 0.], [0.2, 0.], [0.2, 0.2], [0., 0.2]].map(|[x, y]| DVec3::new(x, y, 0.05));
+        let points =
+            [[0., 0.], [0.2, 0.], [0.2, 0.2], [0., 0.2]].map(|[x, y]| DVec3::new(x, y, 0.05));
         let sheet = Sheet {
             quads: vec![if up { [0, 1, 2, 3] } else { [3, 2, 1, 0] }],
             triangles: vec![],
@@ -227,8 +235,13 @@ mod tests {
             pose: Pose::from_translation(DVec3::new(0.2, 0.2, 0.05)),
             jaw: if held > 0 { Jaw::Closed } else { Jaw::Open },
         };
-        let state = GripperState { command, alpha: 0.0 };
-        recording.push(0.0, &points, &[state], &[0, 0, held, 0]).unwrap();
+        let state = GripperState {
+            command,
+            alpha: 0.0,
+        };
+        recording
+            .push(0.0, &points, &[state], &[0, 0, held, 0])
+            .unwrap();
         recording
     }
 
@@ -245,7 +258,11 @@ mod tests {
             recording.picture(0, &camera, 240, 180).unwrap()
         };
         let count = |picture: &Picture, colour| {
-            picture.pixels.chunks(3).filter(|pixel| near(pixel, colour)).count()
+            picture
+                .pixels
+                .chunks(3)
+                .filter(|pixel| near(pixel, colour))
+                .count()
         };
         let (front, back) = (drawn(true, 0), drawn(false, 0));
         assert!(count(&front, FRONT) > 1000 && count(&front, BACK) == 0);

@@ -15,7 +15,11 @@ pub(crate) struct Colour(pub(crate) [f32; 3]);
 
 impl Colour {
     const fn rgb(red: u8, green: u8, blue: u8) -> Self {
-        Self([red as f32 / 255.0, green as f32 / 255.0, blue as f32 / 255.0])
+        Self([
+            red as f32 / 255.0,
+            green as f32 / 255.0,
+            blue as f32 / 255.0,
+        ])
     }
 
     fn times(self, factor: f64) -> Self {
@@ -90,7 +94,10 @@ impl Picture {
         Self {
             width,
             height: pictures.iter().map(|picture| picture.height).sum(),
-            pixels: pictures.iter().flat_map(|picture| picture.pixels.iter().copied()).collect(),
+            pixels: pictures
+                .iter()
+                .flat_map(|picture| picture.pixels.iter().copied())
+                .collect(),
         }
     }
 }
@@ -124,7 +131,9 @@ mod tests {
             pixels: (0..18).collect(),
         };
         let bytes = picture.png().unwrap();
-        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes))
+            .read_info()
+            .unwrap();
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut pixels).unwrap();
         assert_eq!((info.width, info.height), (3, 2));

@@ -86,7 +86,8 @@ impl Raster {
     /// A triangle whose colours go over into each other, hidden by what is nearer.
     pub(crate) fn triangle(&mut self, corners: [Corner; 3], colours: [Colour; 3]) {
         self.fill(corners, |raster, sample, share| {
-            let mix = |value: &dyn Fn(usize) -> f64| (0..3).map(|k| share[k] * value(k)).sum::<f64>();
+            let mix =
+                |value: &dyn Fn(usize) -> f64| (0..3).map(|k| share[k] * value(k)).sum::<f64>();
             let near = mix(&|k| corners[k][2]) as f32;
             if near > raster.nearest[sample] {
                 raster.nearest[sample] = near;
@@ -145,7 +146,11 @@ impl Raster {
         let radius = radius * f64::from(SAMPLES);
         let rim = |k: u32| {
             let (sin, cos) = (f64::from(k) * std::f64::consts::TAU / f64::from(SIDES)).sin_cos();
-            [centre[0] + radius * cos, centre[1] + radius * sin, centre[2] * LIFT]
+            [
+                centre[0] + radius * cos,
+                centre[1] + radius * sin,
+                centre[2] * LIFT,
+            ]
         };
         let centre = [centre[0], centre[1], centre[2] * LIFT];
         for k in 0..SIDES {
@@ -190,7 +195,11 @@ mod tests {
 
     #[test]
     fn the_nearer_hides_the_farther_in_any_order() {
-        let far = [corner(0., 0., 0.1), corner(8., 0., 0.1), corner(0., 8., 0.1)];
+        let far = [
+            corner(0., 0., 0.1),
+            corner(8., 0., 0.1),
+            corner(0., 8., 0.1),
+        ];
         let near = far.map(|[x, y, _]| [x, y, 0.2]);
         let drawn = |order: [(Colour, [Corner; 3]); 2]| {
             let mut raster = Raster::new(4, 4, WHITE);
@@ -209,8 +218,15 @@ mod tests {
         let mut raster = Raster::new(2, 1, WHITE);
         let [a, b] = [corner(-1., 0., 1.), corner(3., 0., 1.)];
         // All above the line from (0, 0) to (2, 1): half of the picture.
-        raster.triangle([corner(0., 0., 1.), corner(2., 0., 1.), corner(2., 1., 1.)], [RED; 3]);
-        let red: u32 = raster.pixels().chunks(3).map(|p| 255 - u32::from(p[1])).sum();
+        raster.triangle(
+            [corner(0., 0., 1.), corner(2., 0., 1.), corner(2., 1., 1.)],
+            [RED; 3],
+        );
+        let red: u32 = raster
+            .pixels()
+            .chunks(3)
+            .map(|p| 255 - u32::from(p[1]))
+            .sum();
         assert!((200..=310).contains(&red), "{red} of 510 halved");
         raster.line([a, b], 10.0, BLUE, 1.0);
         assert_eq!(raster.pixels(), [0, 0, 255].repeat(2).as_slice());
