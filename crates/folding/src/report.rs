@@ -91,8 +91,7 @@ pub(crate) fn report(
         },
     ];
     let title = format!("Selvedge: {}", scenario.name);
-    let lead = "How a gripper takes hold of a cloth decides how well it folds it: every case below, \
-                in motion.";
+    let lead = "How a gripper takes hold of a cloth decides how well it folds it.";
     let page = Page {
         title: &title,
         lead,
@@ -164,8 +163,16 @@ fn listed(fields: &Value) -> String {
     let Some(fields) = fields.as_object() else {
         return fields.to_string();
     };
+    let text = |value: &Value| match value.as_f64() {
+        // Five digits: a period of 1/120 s is no number to read.
+        Some(number) => format!("{number:.4e}")
+            .parse::<f64>()
+            .unwrap_or(number)
+            .to_string(),
+        None => value.to_string(),
+    };
     let fields = fields
         .iter()
-        .map(|(name, value)| format!("{} {value}", name.replace('_', " ")));
+        .map(|(name, value)| format!("{} {}", name.replace('_', " "), text(value)));
     fields.collect::<Vec<_>>().join(", ")
 }

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::Mutex;
 
 use selvedge_folding::{
     Error, Event, Expected, Experiment, FoldName, Options, Scenario, Solver, experiment,
@@ -85,11 +86,19 @@ fn files_are_the_same_bytes_with_any_number_of_jobs() {
         [
             "curves.csv",
             "curves.svg",
+            "published/members/one.1.npz",
+            "published/members/one.2.npz",
+            "published/members/one.3.npz",
+            "published/members/two.1.npz",
+            "published/members/two.2.npz",
+            "published/members/two.3.npz",
             "published/one.commands.csv",
             "published/one.npz",
+            "published/one.png",
             "published/two.gripper1.commands.csv",
             "published/two.gripper2.commands.csv",
             "published/two.npz",
+            "published/two.png",
             "table.csv",
             "table.md",
         ]
@@ -97,6 +106,71 @@ fn files_are_the_same_bytes_with_any_number_of_jobs() {
     for jobs in [1, 2, 3, 8] {
         assert!(made(jobs) == first, "{jobs} jobs wrote other bytes");
     }
+}
+
+#[test]
+fn an_interrupted_experiment_goes_on_where_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = Options {
+        ensemble: 2,
+        noise: 1e-4,
+        ..options(folder.path(), &[])
+    };
+    run_with(&whole).unwrap();
+    let without_times = || {
+        let mut files = files(folder.path());
+        files.retain(|name, _| !["timings.csv", "report.html"].contains(&name.as_str()));
+        files
+    };
+    let first = without_times();
+
+    let resumed = |text: &str, options: &Options| {
+        let events = Mutex::new((Vec::new(), Vec::new()));
+        let scenario = Scenario::parse(text, "small", "small.toml").unwrap();
+        let result = experiment(&scenario, &Expected::default(), options, &|event| {
+            let mut events = events.lock().unwrap();
+            match event {
+                Event::Reused { fold } => events.0.push(fold.to_string()),
+                Event::Started { fold, .. } => events.1.push(fold.to_string()),
+                _ => {}
+            }
+            ControlFlow::Continue(())
+        });
+        (result.unwrap(), events.into_inner().unwrap())
+    };
+    let again = Options {
+        resume: true,
+        ..whole.clone()
+    };
+    let (_, (reused, run)) = resumed(SMALL, &again);
+    // What failed fails again.
+    assert_eq!(reused.len(), 6, "{reused:?}");
+    assert!(
+        run.iter().all(|fold| fold.starts_with("misses ")),
+        "{run:?}"
+    );
+    assert!(without_times() == first, "resumed runs leave other bytes");
+
+    // What is missing, damaged or of other inputs is run.
+    let published = folder.path().join("published");
+    std::fs::remove_file(published.join("one.npz")).unwrap();
+    std::fs::write(published.join("members/two.1.npz"), "cut short").unwrap();
+    let (_, (_, run)) = resumed(SMALL, &again);
+    let run: Vec<&String> = run
+        .iter()
+        .filter(|fold| !fold.starts_with("misses "))
+        .collect();
+    assert_eq!(run, ["one published", "two published #1"]);
+    assert!(without_times() == first, "mended runs leave other bytes");
+    let noisier = Options {
+        noise: 2e-4,
+        ..again.clone()
+    };
+    let (_, (reused, _)) = resumed(SMALL, &noisier);
+    assert_eq!(reused, ["one published", "two published"]);
+    let slippery = SMALL.replace("friction_table = 0.2", "friction_table = 0.1");
+    let (_, (reused, _)) = resumed(&slippery, &again);
+    assert!(reused.is_empty(), "{reused:?}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ if (!holder || !curves.length) return;
 const SVG = "http://www.w3.org/2000/svg";
 const cases = [...new Set(curves.map((curve) => curve.case))];
 const solvers = [...new Set(curves.map((curve) => curve.solver))];
-const margin = {left: 54, right: 14, top: 14, bottom: 40};
+const margin = {left: 54, right: 14, top: 22, bottom: 40};
 const values = curves.flatMap((curve) => curve.curve.map((point) => point[1])).filter((y) => y > 0);
 const most = Math.max(...values);
 const top = Math.ceil(Math.log10(most)), bottom = Math.max(Math.floor(Math.log10(Math.min(...values))), top - 4);
@@ -60,8 +60,7 @@ function draw() {
     make("text", {x: x(t), y: height - margin.bottom + 18, "text-anchor": "middle"}, grid, Number(t.toFixed(6)));
   }
   make("text", {x: (margin.left + width) / 2, y: height - 4, "text-anchor": "middle"}, grid, "t [s]");
-  make("text", {x: 14, y: margin.top + 4, transform: `rotate(-90 14 ${margin.top + 4})`, "text-anchor": "end"},
-    grid, yName);
+  make("text", {x: margin.left, y: 12}, grid, yName);
   for (const curve of curves) {
     const points = curve.curve.filter((point) => point[1] >= 10 ** bottom);
     const path = points.map(([t, value], k) => (k ? "L" : "M") + x(t).toFixed(1) + " " + y(value).toFixed(1));
