@@ -60,6 +60,11 @@ const HEAVY: &[&str] = &[
     "pulp",
     "plotters",
     "zip",
+    "color_quant",
+    "gif",
+    "mcap",
+    "minijinja",
+    "png",
 ];
 
 /// The normal tree of the grasp crate, whole.

@@ -121,7 +121,7 @@ impl Experiment {
 type Observe<'a> = &'a (dyn Fn(Event<'_>) -> ControlFlow<()> + Sync);
 
 /// Runs the cases on each solver, and writes for each its recording `SOLVER/CASE.npz`, a picture of
-/// its end `CASE.png` and its commands `CASE.commands.csv`, then `table.csv`, `table.md`,
+/// its end `CASE.png` and its commands `CASE.commands.csv`, then all ends `SOLVER/ends.png`, `table.csv`, `table.md`,
 /// `curves.csv`, `curves.svg`, `timings.csv` and a page `report.html` with all of it and a 3D player.
 /// Only the last two depend on the machine and the day: the others are the same bytes whenever and
 /// with however many jobs they are made.
@@ -197,6 +197,13 @@ pub fn experiment(
     let result = compare(&results, expected);
     files::write_tables(&options.out, &result.rows)?;
     files::write_curves(&options.out, &curves(&results, &options.solvers))?;
+    for &solver in &options.solvers {
+        let of_solver = |(pair, _): &(&(&Case, Solver), _)| pair.1 == solver;
+        let finished = results.pairs.iter().zip(&results.runs).filter(of_solver);
+        let recordings = finished.filter_map(|(_, run)| Some(&run.as_ref().ok()?.recording));
+        let folder = options.out.join(solver.name());
+        files::write_ends(&folder, &recordings.collect::<Vec<_>>())?;
+    }
     let html = report(&results, &result, options)?;
     files::write_text(&options.out.join(files::REPORT), &html)?;
     Ok(result)

@@ -22,8 +22,9 @@ pub(crate) fn make_folder(folder: &Path) -> Result<(), Error> {
         .map_err(failed)
 }
 
-/// The page.
+/// The page, and the picture of a solver's ends.
 pub(crate) const REPORT: &str = "report.html";
+const ENDS: &str = "ends.png";
 
 /// Removes what an earlier run left, so that no file of it stands beside files of this one; finished
 /// folds stay if they may be used again.
@@ -42,6 +43,7 @@ pub(crate) fn remove_old(
         "curves.svg",
     ];
     let mut old: Vec<PathBuf> = tables.iter().map(|name| out.join(name)).collect();
+    old.push(folder.join(ENDS));
     for case in cases {
         let endings = ["png", "frames.png", "gif", "mcap"];
         old.extend(endings.map(|ending| folder.join(format!("{}.{ending}", case.name))));
@@ -168,6 +170,26 @@ pub(crate) fn end_picture(
     let last = recording.frame_count() - 1;
     let camera = recording.close_camera(last, width, height);
     Ok(recording.picture(last, &camera, width, height)?)
+}
+
+/// The ends of all cases of a solver that ran to the end, four in a row.
+pub(crate) fn write_ends(folder: &Path, recordings: &[&Recording]) -> Result<(), Error> {
+    const SIZE: [u32; 2] = [360, 270];
+    const COLUMNS: usize = 4;
+    let columns = COLUMNS.min(recordings.len());
+    if columns == 0 {
+        return Ok(());
+    }
+    let mut ends = Vec::with_capacity(recordings.len());
+    for recording in recordings {
+        ends.push(end_picture(recording, SIZE)?);
+    }
+    ends.resize(ends.len().next_multiple_of(columns), Picture::blank(SIZE));
+    let rows: Vec<Picture> = ends.chunks(columns).map(Picture::beside).collect();
+    let bytes = Picture::below(&rows).png()?;
+    Ok(write_whole(folder.join(ENDS), |writer| {
+        Ok(writer.write_all(&bytes)?)
+    })?)
 }
 
 pub(crate) fn write_text(path: &Path, text: &str) -> Result<(), Error> {

@@ -86,6 +86,7 @@ fn files_are_the_same_bytes_with_any_number_of_jobs() {
         [
             "curves.csv",
             "curves.svg",
+            "published/ends.png",
             "published/members/one.1.npz",
             "published/members/one.2.npz",
             "published/members/one.3.npz",

@@ -57,6 +57,16 @@ impl Picture {
         encode().map_err(|error| Error::Draw(error.to_string()))
     }
 
+    /// A white picture.
+    pub fn blank([width, height]: [u32; 2]) -> Self {
+        let pixels = vec![255; 3 * width as usize * height as usize];
+        Self {
+            width,
+            height,
+            pixels,
+        }
+    }
+
     /// Pictures of one height side by side.
     ///
     /// # Panics
