@@ -47,6 +47,9 @@ fn all_eight_cases_agree_with_the_paper() {
         jobs: 2,
         ensemble: 0,
         noise: 0.0,
+        resume: false,
+        exports: Vec::new(),
+        command: String::new(),
     };
     let result = experiment(&scenario, &expected, &options, &|_| {
         ControlFlow::Continue(())

@@ -35,7 +35,7 @@ impl Recording {
     /// [`Error::Write`] names the file; also for a time before 0 or a description of the grasping
     /// volumes that is not as documented.
     pub fn write_mcap(&self, path: impl AsRef<Path>) -> Result<(), Error> {
-        write_whole(path, |writer| Ok(self.mcap(writer)?))
+        write_whole(path, |writer| self.mcap(writer))
     }
 
     fn mcap<W: std::io::Write + std::io::Seek>(&self, writer: W) -> Result<(), AnyError> {
