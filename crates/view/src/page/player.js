@@ -132,7 +132,7 @@ function look(name) {
   [camera.azimuth, camera.elevation] = VIEWS[name];
   camera.target = add(low, sub(high, low), 0.5);
   const radius = Math.hypot(...sub(high, low)) / 2 || 1;
-  camera.distance = 0.8 * radius / Math.sin(HALF_ANGLE);
+  camera.distance = 0.72 * radius / Math.sin(HALF_ANGLE);
   dirty = true;
 }
 for (const name of Object.keys(VIEWS)) find("look-" + name).addEventListener("click", () => look(name));
