@@ -65,6 +65,12 @@ impl Matrix {
         })
     }
 
+    /// Sum of the diagonal.
+    pub(crate) fn trace(&self) -> f64 {
+        let diagonal = self.lower().filter(|(row, column, _)| row == column);
+        diagonal.map(|(.., value)| value).sum()
+    }
+
     /// Row `row` times `x`.
     #[inline]
     pub(crate) fn multiply_row(&self, row: usize, x: &[DVec3]) -> DVec3 {

@@ -7,7 +7,10 @@ use crate::linear::Cholesky;
 use crate::nodes::Nodes;
 use crate::{Error, Material};
 
-/// `E = 2 M/h^2 + D/h + (1/2 + b/h) kappa K`, the matrix of an implicit midpoint substep without
+/// Stiffness of the grip on a held node, as a share of the node's own.
+const GRIP: f64 = 1e6;
+
+/// `E = 2 M/h^2 + D/h + (1/2 + b/h) kappa K` with tension and grips, the matrix of an implicit midpoint substep without
 /// constraints.
 #[derive(Debug)]
 pub(crate) struct Predictor {
@@ -18,6 +21,10 @@ pub(crate) struct Predictor {
     constant: Vec<f64>,
     /// The entries that an edge adds to.
     places: Vec<[u32; 3]>,
+    /// The entries on the diagonal.
+    diagonal: Vec<u32>,
+    /// Stiffness of the grip on each held node [N/m], zero for others.
+    grips: Vec<f64>,
     column: Vec<f64>,
     h: f64,
     /// Masses for this `h`, which make the decay by drag exact.
@@ -48,6 +55,8 @@ impl Predictor {
             values: vec![0.0; entries.len()],
             constant: vec![0.0; entries.len()],
             places,
+            diagonal: (0..n as u32).map(|k| place(k, k)).collect(),
+            grips: vec![0.0; n],
             entries,
             column: vec![0.0; n],
             h: 0.0,
@@ -98,15 +107,27 @@ impl Predictor {
         self.h = 0.0;
     }
 
-    /// Factors `E` with the stiffness that tension gives across each edge [N/m].
-    pub(crate) fn factor(&mut self, tautness: &[f64]) -> Result<(), Error> {
+    /// Factors `E` with the stiffness that tension gives across each edge [N/m], and with a stiff grip
+    /// on held nodes: in their place, the others' bending and tension give their reactions at once.
+    pub(crate) fn factor(&mut self, tautness: &[f64], held: &[u32]) -> Result<(), Error> {
         self.values.copy_from_slice(&self.constant);
+        self.grips.fill(0.0);
+        for &node in held {
+            let value = &mut self.values[self.diagonal[node as usize] as usize];
+            self.grips[node as usize] = GRIP * *value;
+            *value += GRIP * *value;
+        }
         for (&[p, q, pq], stiffness) in self.places.iter().zip(tautness) {
             self.values[p as usize] += stiffness;
             self.values[q as usize] += stiffness;
             self.values[pq as usize] -= stiffness;
         }
         self.cholesky.factor(&self.values)
+    }
+
+    /// Stiffness of the grip on a held node in the present factor [N/m].
+    pub(crate) fn grip(&self, node: usize) -> f64 {
+        self.grips[node]
     }
 
     /// Solves `E u = load` and puts `start + u` into `x`.

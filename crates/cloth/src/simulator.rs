@@ -15,6 +15,19 @@ use crate::{Error, Material, Mesh, Obstacle, Settings};
 /// A substep that fails is cut in two, at most so often.
 const MAX_CUTS: u32 = 6;
 
+/// A mesh is fine when in the longest substep bending resists a single node this many times as much as
+/// its mass.
+const FINE: f64 = 3.0;
+/// On fine meshes, a substep with more than this share of the most iterations is hard: the next ones are cut in two
+/// beforehand, since two of half the length need fewer together.
+const HARD: f64 = 0.25;
+/// One with at most this share is easy, ...
+const EASY: f64 = 0.1;
+/// ... and after so many of them the next are longer again.
+const EASY_IN_A_ROW: u32 = 4;
+/// Substeps are cut beforehand at most so often.
+const MAX_CUTS_BEFOREHAND: u32 = 4;
+
 /// After so many cuts, hands that are further apart than the cloth is long are taken for what fails,
 /// and held back.
 const CUTS_BEFORE_RETREAT: u32 = 2;
@@ -65,6 +78,8 @@ pub struct Simulator {
     pub(crate) now: Instant,
     pub(crate) hands: Hands,
     pub(crate) external: Vec<DVec3>,
+    /// Whether the mesh is fine, see [`FINE`].
+    pub(crate) fine: bool,
     /// Whether the factor of the rows is too old.
     pub(crate) stale: bool,
     saved: Vec<Instant>,
@@ -113,7 +128,15 @@ impl Simulator {
         let rows = Rows::new(mesh)?;
         let now = Instant::new(rest, mesh.edges().len(), rows.multipliers.len());
         let zero = vec![DVec3::ZERO; n];
+        let fine = {
+            let h = settings.substep;
+            let mass = 2.0 * material.density / (h * h) + material.damping / h;
+            let stiffness = material.bending * (0.5 + material.internal_damping / h);
+            let area: f64 = areas(mesh).iter().sum();
+            stiffness * bending.trace() > FINE * mass * area
+        };
         Ok(Self {
+            fine,
             rest: rest.to_vec(),
             areas: areas(mesh),
             rest_lengths: mesh.edges().iter().map(length).collect(),
@@ -266,6 +289,9 @@ impl Simulator {
                 .chain(&self.pinned)
                 .all(|&node| hands.is_held[node as usize]);
         self.stale |= !same;
+        if self.fine && !same {
+            self.rows.forget();
+        }
         hands.is_held.fill(false);
         hands.nodes.clear();
         hands.from.clear();
@@ -303,7 +329,8 @@ impl Simulator {
         hands.apart = (0..count).any(|a| (0..a).any(|b| too_far(a, b)));
     }
 
-    /// A substep from the share `from` of the step to `to`, cut in two as often as it fails.
+    /// A substep from the share `from` of the step to `to`, cut in two as often as it fails, and
+    /// beforehand as often as the last ones had to be.
     fn advance(
         &mut self,
         h: f64,
@@ -311,6 +338,9 @@ impl Simulator {
         cuts: u32,
         report: &mut StepReport,
     ) -> Result<(), Error> {
+        if cuts < self.now.cuts {
+            return self.halves(h, [from, to], cuts, report);
+        }
         self.saved[cuts as usize].copy_from(&self.now);
         self.surroundings.set_way([from, to]);
         let last = cuts >= MAX_CUTS;
@@ -337,6 +367,7 @@ impl Simulator {
                 let solved = ended.unsolved <= 2.0 * tolerance && ended.strain <= most_strain;
                 let good = ended.free >= 1.0 && solved && !near && ended.sunk <= MOST_SUNK;
                 if good || last {
+                    self.plan(cuts, ended.iterations);
                     let most = |a: Option<f64>, b: f64| Some(a.map_or(b, |a| a.max(b)));
                     report.strain = most(report.strain, ended.strain);
                     report.shear = most(report.shear, ended.shear);
@@ -360,9 +391,34 @@ impl Simulator {
         if last {
             return Err(failure.unwrap_or(Error::Diverged));
         }
+        self.plan(cuts, u32::MAX);
+        self.halves(h, [from, to], cuts, report)
+    }
+
+    /// The same as two substeps of half the length.
+    fn halves(
+        &mut self,
+        h: f64,
+        [from, to]: [f64; 2],
+        cuts: u32,
+        report: &mut StepReport,
+    ) -> Result<(), Error> {
         let middle = 0.5 * (from + to);
         self.advance(0.5 * h, [from, middle], cuts + 1, report)?;
         self.advance(0.5 * h, [middle, to], cuts + 1, report)
+    }
+
+    /// Decides how often the next substeps are cut beforehand, after one that was cut `cuts` times.
+    fn plan(&mut self, cuts: u32, iterations: u32) {
+        let now = &mut self.now;
+        let share = f64::from(iterations) / f64::from(self.settings.iterations);
+        now.easy = if share <= EASY { now.easy + 1 } else { 0 };
+        if share > HARD && self.fine {
+            now.cuts = (cuts + 1).min(MAX_CUTS_BEFOREHAND);
+        } else if now.easy >= EASY_IN_A_ROW {
+            now.cuts = cuts.saturating_sub(1).min(MAX_CUTS_BEFOREHAND);
+            now.easy = 0;
+        }
     }
 }
 

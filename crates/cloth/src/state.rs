@@ -39,6 +39,10 @@ pub(crate) struct Instant {
     pub(crate) time: f64,
     /// How much too near layers are [m], not above zero.
     pub(crate) gap: f64,
+    /// How often a substep is cut in two before it is tried, and how many were easy since that last
+    /// changed.
+    pub(crate) cuts: u32,
+    pub(crate) easy: u32,
     pub(crate) positions: Vec<DVec3>,
     pub(crate) velocities: Vec<DVec3>,
     /// Forces of the rows and of the ties, see `Rows` and `Nodes`.
@@ -56,6 +60,8 @@ impl Instant {
         Self {
             time: 0.0,
             gap: 0.0,
+            cuts: 0,
+            easy: 0,
             positions: rest.to_vec(),
             velocities: vec![DVec3::ZERO; n],
             multipliers: vec![0.0; row_count],
@@ -68,6 +74,7 @@ impl Instant {
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.time = other.time;
         self.gap = other.gap;
+        (self.cuts, self.easy) = (other.cuts, other.easy);
         self.positions.copy_from_slice(&other.positions);
         self.velocities.copy_from_slice(&other.velocities);
         self.multipliers.copy_from_slice(&other.multipliers);

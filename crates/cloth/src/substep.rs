@@ -65,7 +65,7 @@ impl Simulator {
         let most = self.settings.iterations * if last { 5 } else { 1 };
         for iteration in 0..most {
             ended.iterations += 1;
-            self.solve();
+            self.solve(share, reach);
             let mut changed = false;
             if iteration == 0 {
                 changed |= self.set_surfaces(h, share);
@@ -88,7 +88,9 @@ impl Simulator {
                 self.scratch.aimed.copy_from_slice(x);
                 self.rows.set_gradients(start, x);
             }
-            if changed || self.stale {
+            // With a fine mesh on the table an older factor will do; on obstacles nodes would sink in.
+            let renew = changed && !(self.fine && self.surroundings.is_empty());
+            if self.stale || renew {
                 self.rows.factor(&self.nodes, law)?;
                 self.stale = false;
             }
@@ -195,7 +197,12 @@ impl Simulator {
         self.stale |= new;
         let slack = 0.1 / self.nodes.inverse(0);
         if self.rows.tauten(slack) || new {
-            self.predictor.factor(self.rows.tautness())?;
+            let held = if self.fine {
+                &self.hands.nodes[..]
+            } else {
+                &[]
+            };
+            self.predictor.factor(self.rows.tautness(), held)?;
         }
 
         // Load without the forces that are sought
@@ -214,8 +221,19 @@ impl Simulator {
         })
     }
 
+    /// Where a held node is to be, the hands' number `k`: the share `reach` of its way to where the
+    /// hand is at `share` of the step.
+    fn target(&self, k: usize, share: f64, reach: f64) -> DVec3 {
+        let node = self.hands.nodes[k] as usize;
+        let start = self.scratch.start[node];
+        let target = self.hands.from[k].lerp(self.hands.to[k], share);
+        // No penetration comes before targets.
+        let target = start + reach * (target - start) + self.nodes.yielded[node];
+        self.scratch.surfaces[node].lift(target)
+    }
+
     /// The positions that the present forces give.
-    fn solve(&mut self) {
+    fn solve(&mut self, share: f64, reach: f64) {
         let scratch = &mut self.scratch;
         let forces = &mut scratch.forces;
         forces.copy_from_slice(&scratch.load);
@@ -227,9 +245,19 @@ impl Simulator {
         for (force, reaction) in forces.iter_mut().zip(&self.nodes.reactions) {
             *force += *reaction;
         }
-        self.predictor
-            .solve(forces, &scratch.start, &mut self.now.positions);
-        scratch.free.copy_from_slice(&self.now.positions);
+        for k in 0..self.hands.nodes.len() {
+            let (node, target) = (self.hands.nodes[k] as usize, self.target(k, share, reach));
+            let way = target - self.scratch.start[node];
+            self.scratch.forces[node] += way * self.predictor.grip(node);
+        }
+        let (scratch, x) = (&self.scratch, &mut self.now.positions);
+        self.predictor.solve(&scratch.forces, &scratch.start, x);
+        for k in 0..self.hands.nodes.len() {
+            let (node, target) = (self.hands.nodes[k] as usize, self.target(k, share, reach));
+            let left = target - self.now.positions[node];
+            self.nodes.reactions[node] += left * self.predictor.grip(node);
+        }
+        self.scratch.free.copy_from_slice(&self.now.positions);
     }
 
     fn table(&self, start: DVec3, h: f64) -> Surface {
@@ -332,17 +360,13 @@ impl Simulator {
     /// Puts held nodes where they belong and lets every other node rest, slide or leave; true when
     /// one left its surface.
     fn correct_ties(&mut self, share: f64, reach: f64) -> bool {
+        for k in 0..self.hands.nodes.len() {
+            let (node, target) = (self.hands.nodes[k] as usize, self.target(k, share, reach));
+            self.nodes
+                .place(node, target, &mut self.now.positions[node]);
+        }
         let (scratch, x) = (&self.scratch, &mut self.now.positions);
         let mut changed = false;
-        for (k, &node) in self.hands.nodes.iter().enumerate() {
-            let node = node as usize;
-            let start = scratch.start[node];
-            let target = self.hands.from[k].lerp(self.hands.to[k], share);
-            // No penetration comes before targets.
-            let target = start + reach * (target - start) + self.nodes.yielded[node];
-            let target = scratch.surfaces[node].lift(target);
-            self.nodes.place(node, target, &mut x[node]);
-        }
         for (node, x) in x.iter_mut().enumerate() {
             if !self.hands.is_held[node] {
                 let (surface, start) = (&scratch.surfaces[node], scratch.start[node]);
