@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use selvedge_math::{DMat3, DQuat, DVec3, Pose};
+use selvedge_math::{DMat3, DQuat, DVec3, Pose, PoseError};
 use urdf_rs::JointType;
 
+use crate::body::{Body, Solid};
 use crate::inverse::Geometry;
 use crate::{Error, Limits};
 
@@ -34,6 +35,9 @@ pub struct Arm {
     /// From the last joint's frame to the tip.
     tool: Pose,
     geometry: Option<Geometry>,
+    bodies: Vec<Body>,
+    /// Collision shapes that are meshes, which are not read.
+    meshes: usize,
 }
 
 /// A joint that moves.
@@ -180,13 +184,32 @@ impl Arm {
             });
         }
         let geometry = Geometry::of(&joints);
+        let (bodies, meshes) = bodies(&robot, &links)?;
         Ok(Self {
             name: robot.name,
             joints,
             links,
             tool: offset,
             geometry,
+            bodies,
+            meshes,
         })
+    }
+
+    /// The base and the tip of a URDF text that follows the maker's names: `*_link0` and
+    /// `*_hand_tcp`. None when there is not exactly one of each.
+    ///
+    /// # Errors
+    /// [`Error::Urdf`] for text that is not URDF.
+    pub fn ends(text: &str) -> Result<Option<(String, String)>, Error> {
+        let robot =
+            urdf_rs::read_from_string(text).map_err(|error| Error::Urdf(error.to_string()))?;
+        let only = |end: &str| {
+            let mut names = robot.links.iter().filter(|link| link.name.ends_with(end));
+            let first = names.next()?.name.clone();
+            names.next().is_none().then_some(first)
+        };
+        Ok(only("_link0").zip(only("_hand_tcp")))
     }
 
     /// The robot's name in the URDF.
@@ -213,6 +236,16 @@ impl Arm {
     pub(crate) fn link(&self, name: &str) -> Option<(usize, Pose)> {
         let link = self.links.iter().find(|link| link.name == name)?;
         Some((link.joints, link.offset))
+    }
+
+    /// What the arm and all that hangs on it is made of.
+    pub(crate) fn bodies(&self) -> &[Body] {
+        &self.bodies
+    }
+
+    /// How many collision shapes of the description are meshes, which distances leave out.
+    pub fn mesh_count(&self) -> usize {
+        self.meshes
     }
 
     /// The lengths that the exact inverse needs, if the arm has the shape of a Franka.
@@ -262,13 +295,148 @@ fn chain<'a>(
     Ok(chain)
 }
 
-/// URDF's fixed-axis angles: `R = Rz(yaw) Ry(pitch) Rx(roll)`.
 fn origin(joint: &urdf_rs::Joint) -> Result<Pose, String> {
-    let [roll, pitch, yaw] = *joint.origin.rpy;
+    pose(&joint.origin).map_err(|error| format!("has an origin that cannot be used: {error}"))
+}
+
+/// URDF's fixed-axis angles: `R = Rz(yaw) Ry(pitch) Rx(roll)`.
+fn pose(origin: &urdf_rs::Pose) -> Result<Pose, PoseError> {
+    let [roll, pitch, yaw] = *origin.rpy;
     let rotation =
         DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
-    Pose::new(DVec3::from_array(*joint.origin.xyz), rotation)
-        .map_err(|error| format!("has an origin that cannot be used: {error}"))
+    Pose::new(DVec3::from_array(*origin.xyz), rotation)
+}
+
+// ---- Collision shapes
+
+/// The bodies of every link that is on the chain or hangs on it, and how many meshes were left out.
+fn bodies(robot: &urdf_rs::Robot, chain: &[Link]) -> Result<(Vec<Body>, usize), Error> {
+    let (mut bodies, mut meshes) = (Vec::new(), 0);
+    for link in &robot.links {
+        if link.collision.is_empty() {
+            continue;
+        }
+        let Some((joints, poses)) = hangs(robot, chain, &link.name)? else {
+            continue;
+        };
+        for solid in solids(link, &mut meshes)? {
+            bodies.push(Body {
+                link: link.name.clone(),
+                joints,
+                solids: poses.map(|pose| solid.moved(&pose)),
+            });
+        }
+    }
+    Ok((bodies, meshes))
+}
+
+/// How many joints of the chain move a link, and its pose behind them with the joints that are not
+/// of the chain (those of the fingers) at their lower and at their upper limit.
+fn hangs(
+    robot: &urdf_rs::Robot,
+    chain: &[Link],
+    name: &str,
+) -> Result<Option<(usize, [Pose; 2])>, Error> {
+    let mut poses = [Pose::IDENTITY; 2];
+    let mut at = name;
+    for _ in 0..=robot.joints.len().min(MAX_CHAIN) {
+        if let Some(link) = chain.iter().find(|link| link.name == at) {
+            return Ok(Some((link.joints, poses.map(|pose| link.offset * pose))));
+        }
+        let Some(joint) = robot.joints.iter().find(|joint| joint.child.link == at) else {
+            return Ok(None);
+        };
+        let refuse = |reason: String| Error::Joint {
+            joint: joint.name.clone(),
+            reason,
+        };
+        let origin = origin(joint).map_err(refuse)?;
+        let range =
+            joint
+                .mimic
+                .as_ref()
+                .map_or(Ok([joint.limit.lower, joint.limit.upper]), |m| {
+                    let other = robot.joints.iter().find(|other| other.name == m.joint);
+                    let limit = &other
+                        .ok_or_else(|| refuse(format!("mimics {}, which is not there", m.joint)))?
+                        .limit;
+                    let (factor, offset) = (m.multiplier.unwrap_or(1.0), m.offset.unwrap_or(0.0));
+                    Ok([limit.lower, limit.upper].map(|q| factor * q + offset))
+                })?;
+        let axis = DVec3::from_array(*joint.axis.xyz).normalize_or_zero();
+        for (pose, q) in poses.iter_mut().zip(range) {
+            let motion = match joint.joint_type {
+                JointType::Prismatic => Pose::new(q * axis, DQuat::IDENTITY),
+                JointType::Revolute if axis != DVec3::ZERO => {
+                    Pose::new(DVec3::ZERO, DQuat::from_axis_angle(axis, q))
+                }
+                _ => Ok(Pose::IDENTITY),
+            };
+            let motion = motion.map_err(|error| refuse(format!("cannot be placed: {error}")))?;
+            *pose = origin * motion * *pose;
+        }
+        at = &joint.parent.link;
+    }
+    Err(Error::Loop(name.to_owned()))
+}
+
+/// The shapes of one link in its frame. A cylinder with a sphere of its radius at both ends is one
+/// capsule, which is how URDF says capsule.
+fn solids(link: &urdf_rs::Link, meshes: &mut usize) -> Result<Vec<Solid>, Error> {
+    let refuse = |reason: String| Error::Urdf(format!("collision of link {} {reason}", link.name));
+    let size = |what: &str, value: f64| match value.is_finite() && value >= 0.0 {
+        true => Ok(value),
+        false => Err(refuse(format!("has {what} {value}, must be 0 or more"))),
+    };
+    let (mut solids, mut spheres) = (Vec::new(), Vec::new());
+    for collision in &link.collision {
+        let pose =
+            pose(&collision.origin).map_err(|error| refuse(format!("has an origin: {error}")))?;
+        let ends = |length: f64| [-0.5, 0.5].map(|k| pose.transform(DVec3::Z * (k * length)));
+        match &collision.geometry {
+            urdf_rs::Geometry::Box { size: edges } => {
+                for edge in edges.iter() {
+                    size("an edge of", *edge)?;
+                }
+                solids.push(Solid::Box {
+                    centre: pose.position(),
+                    halves: pose.rotation_matrix()
+                        * DMat3::from_diagonal(0.5 * DVec3::from_array(**edges)),
+                });
+            }
+            urdf_rs::Geometry::Cylinder { radius, length } => solids.push(Solid::Cylinder {
+                ends: ends(size("length", *length)?),
+                radius: size("radius", *radius)?,
+            }),
+            urdf_rs::Geometry::Capsule { radius, length } => solids.push(Solid::Capsule {
+                ends: ends(size("length", *length)?),
+                radius: size("radius", *radius)?,
+            }),
+            urdf_rs::Geometry::Sphere { radius } => {
+                spheres.push((pose.position(), size("radius", *radius)?));
+            }
+            urdf_rs::Geometry::Mesh { .. } => *meshes += 1,
+        }
+    }
+    let mut alone = vec![true; spheres.len()];
+    for solid in &mut solids {
+        if let Solid::Cylinder { ends, radius } = *solid {
+            let at = ends.map(|end| {
+                let near =
+                    |s: &(DVec3, f64)| s.0.distance(end) < 1e-6 && (s.1 - radius).abs() < 1e-6;
+                spheres.iter().position(near)
+            });
+            if let [Some(a), Some(b)] = at {
+                (alone[a], alone[b]) = (false, false);
+                *solid = Solid::Capsule { ends, radius };
+            }
+        }
+    }
+    for (&(centre, radius), _) in spheres.iter().zip(alone).filter(|(_, alone)| *alone) {
+        let ends = [centre; 2];
+        solids.push(Solid::Capsule { ends, radius });
+    }
+    Ok(solids)
 }
 
 fn limits(joint: &urdf_rs::Joint, kind: JointKind) -> Result<Limits, String> {

@@ -5,14 +5,14 @@ use selvedge_math::{DMat3, DQuat, DVec3, Pose};
 use crate::arm::{Arm, Joint, JointKind};
 
 /// A rotation matrix and an origin [m]: cheaper than a pose to chain.
-#[derive(Clone, Copy)]
-struct Frame {
-    rotation: DMat3,
-    origin: DVec3,
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Frame {
+    pub(crate) rotation: DMat3,
+    pub(crate) origin: DVec3,
 }
 
 impl Frame {
-    const BASE: Self = Self {
+    pub(crate) const BASE: Self = Self {
         rotation: DMat3::IDENTITY,
         origin: DVec3::ZERO,
     };
@@ -64,6 +64,17 @@ impl Arm {
             .zip(q)
             .fold(Frame::BASE, |f, (joint, &q)| f.after(joint, q));
         frame.pose(self.tool())
+    }
+
+    /// The base and the frame after each joint, so that entry `k` is what `k` joints move.
+    pub(crate) fn frames(&self, q: &[f64], frames: &mut Vec<Frame>) {
+        frames.clear();
+        let mut frame = Frame::BASE;
+        frames.push(frame);
+        for (joint, &q) in self.joints().iter().zip(q) {
+            frame = frame.after(joint, q);
+            frames.push(frame);
+        }
     }
 
     /// The pose of a link between base and tip in the base link, or none if there is no such link.
