@@ -48,7 +48,35 @@ pub enum Error {
     /// The start of a numeric solve cannot be used.
     #[error("the start {0}")]
     Start(String),
+    /// A value of a task cannot be used.
+    #[error("{place}: {field} is {value}, must be {bound}")]
+    Value {
+        /// File, row or argument.
+        place: String,
+        /// Which part of it.
+        field: &'static str,
+        /// What was found.
+        value: String,
+        /// What must be there.
+        bound: &'static str,
+    },
     /// A joint position is infinite or not a number.
     #[error("{0} must be finite")]
     NotFinite(&'static str),
+}
+
+impl Error {
+    pub(crate) fn value(
+        place: impl Into<String>,
+        field: &'static str,
+        value: impl ToString,
+        bound: &'static str,
+    ) -> Self {
+        Self::Value {
+            place: place.into(),
+            field,
+            value: value.to_string(),
+            bound,
+        }
+    }
 }

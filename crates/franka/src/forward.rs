@@ -155,3 +155,71 @@ pub fn manipulability(columns: &[[f64; 6]]) -> f64 {
     }
     f64::sqrt(determinant)
 }
+
+/// The smallest singular value of the Jacobian: the least speed of the tip, metres and radians as one
+/// length, that joint velocities of length 1 can have in the direction that is hardest. 0 at a
+/// singular posture, and for arms with fewer than six joints.
+///
+/// The root of the smallest eigenvalue of `J J^T`, by Jacobi's rotations.
+pub fn smallest_singular_value(columns: &[[f64; 6]]) -> f64 {
+    let mut a = [[0.0; 6]; 6];
+    for column in columns {
+        for (r, row) in a.iter_mut().enumerate() {
+            for (c, value) in row.iter_mut().enumerate() {
+                *value += column[r] * column[c];
+            }
+        }
+    }
+    for _ in 0..30 {
+        let off: f64 = (0..6)
+            .flat_map(|r| (0..r).map(move |c| (r, c)))
+            .map(|(r, c)| a[r][c] * a[r][c])
+            .sum();
+        if off < 1e-28 {
+            break;
+        }
+        for p in 0..6 {
+            for q in p + 1..6 {
+                if a[p][q] == 0.0 {
+                    continue;
+                }
+                let half = 0.5 * (a[q][q] - a[p][p]) / a[p][q];
+                let tan = 1.0f64.copysign(half) / (half.abs() + half.hypot(1.0));
+                let cos = 1.0 / tan.hypot(1.0);
+                let sin = tan * cos;
+                for row in &mut a {
+                    let (x, y) = (row[p], row[q]);
+                    (row[p], row[q]) = (cos * x - sin * y, sin * x + cos * y);
+                }
+                let (x, y) = (a[p], a[q]);
+                for k in 0..6 {
+                    a[p][k] = cos * x[k] - sin * y[k];
+                    a[q][k] = sin * x[k] + cos * y[k];
+                }
+            }
+        }
+    }
+    let least = (0..6).map(|k| a[k][k]).fold(f64::INFINITY, f64::min);
+    least.max(0.0).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn singular_values_by_hand() {
+        let mut columns = [[0.0; 6]; 6];
+        for (k, column) in columns.iter_mut().enumerate() {
+            column[(k + 2) % 6] = 0.5 + k as f64;
+        }
+        assert!((smallest_singular_value(&columns) - 0.5).abs() < 1e-14);
+        assert!(smallest_singular_value(&columns[..5]) < 1e-7);
+        // The product of all of them is the manipulability; with equal ones each is its sixth root.
+        let arm = Arm::fr3();
+        let mut columns = [[0.0; 6]; 7];
+        arm.jacobian(&[0.3, -0.4, 0.2, -2.1, 0.1, 1.8, 0.6], &mut columns);
+        let least = smallest_singular_value(&columns);
+        assert!(least > 0.0 && least < manipulability(&columns).powf(1.0 / 6.0));
+    }
+}

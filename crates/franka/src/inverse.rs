@@ -202,6 +202,16 @@ impl Arm {
         Ok(solutions)
     }
 
+    /// How far the wrist centre is beyond the reach of the elbow [m] when the tip has the pose
+    /// `target` and joint 7 stands at `q7`: negative within reach. None for an arm of another shape.
+    pub(crate) fn beyond_reach(&self, target: &Pose, q7: f64) -> Option<f64> {
+        let g = self.geometry()?;
+        let link7 = g.shoulder.inverse() * (*target * self.tool().inverse());
+        let x6 = link7.rotation() * DVec3::new(q7.cos(), -q7.sin(), 0.0);
+        let l = (link7.position() - g.a7 * x6).length();
+        Some((l - g.b1 - g.b2).max((g.b1 - g.b2).abs() - l))
+    }
+
     fn elbows(&self, g: &Geometry, aim: &Aim, solutions: &mut Solutions) {
         let link7 = &aim.link7;
         // Axes of link 6, and the wrist centre seen from the shoulder

@@ -1,0 +1,518 @@
+//! Joint positions along a path of poses: which branch, and which `q7` where.
+//!
+//! A Franka has one joint more than a pose has numbers. Given `q7` the exact inverse has up to eight
+//! branches, so at each pose the choice is a number and a branch. Dynamic programming (Bellman 1957)
+//! on the graph of (path parameter u, q7, branch) finds the best continuous choice at some knots:
+//! least `sum |dq|^2 / du + du sum_j (W / margin_j)^2` over chains whose links turn no joint by more
+//! than a bound. Then `q7(u)` is smoothed (Whittaker 1923: least
+//! `sum (x - q7)^2 + lambda sum (second difference of x)^2`), every pose is solved exactly with the
+//! smoothed value, and whatever that breaks is undone with a smaller lambda, or by forbidding the
+//! link of the graph that led there.
+
+use selvedge_math::Pose;
+
+use crate::Error;
+use crate::cause::{self, Cause, OWN_MARGIN, room};
+use crate::clearance::Ruler;
+use crate::inverse::Joints;
+use crate::spline::{Ends, Spline};
+
+/// Weight of a joint's distance from its limits [rad].
+const BARRIER: f64 = 0.25;
+/// Weight of the distance from home at both ends.
+const HOMING: f64 = 0.2;
+/// How far a joint may turn from knot to knot [rad].
+const LINK: f64 = 0.9;
+/// How far it may turn from one pose to the next [rad].
+const STEP: f64 = 0.25;
+/// How often the graph is searched again without a link that proved wrong.
+const RETRIES: usize = 12;
+/// Smoothing, tried in this order.
+const LAMBDAS: [f64; 4] = [300.0, 10.0, 0.5, 0.0];
+/// A rotation of a radian is as long as this [m].
+const LEVER: f64 = 0.2;
+
+/// How finely the graph is laid out.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Mesh {
+    pub(crate) knots: usize,
+    pub(crate) values: usize,
+}
+
+/// For a path that is to be followed.
+pub(crate) const FINE: Mesh = Mesh {
+    knots: 40,
+    values: 41,
+};
+/// For a question about feasibility.
+pub(crate) const COARSE: Mesh = Mesh {
+    knots: 17,
+    values: 25,
+};
+
+/// A pose on the way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Station {
+    /// Of the tip, in the base.
+    pub(crate) tip: Pose,
+    /// Whether the jaws are open.
+    pub(crate) open: bool,
+}
+
+/// Where a path stops being possible.
+#[derive(Clone, Debug)]
+pub(crate) struct Stop {
+    pub(crate) station: usize,
+    pub(crate) cause: Cause,
+}
+
+/// The length of the way up to each station, in metres with rotations counted by [`LEVER`].
+pub(crate) fn lengths(stations: &[Station]) -> Vec<f64> {
+    let mut length = 0.0;
+    let mut lengths = vec![0.0; stations.len()];
+    for (k, pair) in stations.windows(2).enumerate() {
+        let (a, b) = (pair[0].tip, pair[1].tip);
+        length += a.position().distance(b.position()) + LEVER * angle(&a, &b);
+        lengths[k + 1] = length;
+    }
+    lengths
+}
+
+/// The angle between two poses [rad], whatever the signs of their quaternions.
+pub(crate) fn angle(a: &Pose, b: &Pose) -> f64 {
+    let turn = a.rotation().conjugate() * b.rotation();
+    2.0 * selvedge_math::DVec3::new(turn.x, turn.y, turn.z)
+        .length()
+        .atan2(turn.w.abs())
+}
+
+/// Joint positions for each station, `home` being what the ends should be near to: seven numbers a
+/// station.
+pub(crate) fn route(
+    ruler: &mut Ruler<'_>,
+    stations: &[Station],
+    home: &Joints,
+    mesh: Mesh,
+) -> Result<Result<Vec<f64>, Stop>, Error> {
+    let mut u = lengths(stations);
+    let whole = u.last().copied().unwrap_or_default().max(1e-9);
+    for u in &mut u {
+        *u /= whole;
+    }
+    let knots = knots(&u, mesh.knots);
+    let mut graph = match Graph::new(ruler, stations, &u, &knots, home, mesh)? {
+        Ok(graph) => graph,
+        Err(knot) => match first_stop(ruler, stations, knots[knot]) {
+            Some(stop) => return Ok(Err(stop)),
+            // A finer look finds what the mesh has missed.
+            None if mesh.values < cause::TRIED => {
+                let values = cause::TRIED;
+                return route(ruler, stations, home, Mesh { values, ..mesh });
+            }
+            None => {
+                let (station, cause) = (knots[knot], Cause::Wrist);
+                return Ok(Err(Stop { station, cause }));
+            }
+        },
+    };
+    let mut stop = None;
+    for _ in 0..RETRIES {
+        let chain = match graph.search() {
+            Ok(chain) => chain,
+            Err((knot, joint, by)) => {
+                let stopped = stop.unwrap_or_else(|| Stop {
+                    station: knots[knot],
+                    cause: Cause::Jump {
+                        joint: ruler.arm().joints()[joint].name.clone(),
+                        by,
+                    },
+                });
+                return Ok(Err(stopped));
+            }
+        };
+        let choice: Vec<Joints> = chain.iter().map(|&node| graph.nodes[node].q).collect();
+        for lambda in LAMBDAS {
+            match follow(ruler, stations, &u, &knots, &choice, lambda)? {
+                Ok(path) => return Ok(Ok(path)),
+                Err(stopped) if knots.len() == 1 => return Ok(Err(stopped)),
+                Err(stopped) => {
+                    // The link that leads over the station; the one that leads to it if it is a knot.
+                    let knot = knots.partition_point(|&k| k < stopped.station).max(1);
+                    if lambda == 0.0 {
+                        graph.forbidden.push([chain[knot - 1], chain[knot]]);
+                        stop = stop
+                            .filter(|s: &Stop| s.station >= stopped.station)
+                            .or(Some(stopped));
+                    }
+                }
+            }
+        }
+    }
+    Ok(Err(stop.unwrap_or(Stop {
+        station: 0,
+        cause: Cause::Wrist,
+    })))
+}
+
+/// Stations at nearly even distances, the first and the last among them.
+fn knots(u: &[f64], count: usize) -> Vec<usize> {
+    let mut knots = vec![0];
+    for k in 1..count {
+        let wanted = k as f64 / (count - 1) as f64;
+        let after = u.partition_point(|u| *u < wanted).min(u.len() - 1);
+        let near = match after > 0 && wanted - u[after - 1] < u[after] - wanted {
+            true => after - 1,
+            false => after,
+        };
+        let least = 0.3 / (count - 1) as f64;
+        if knots.last().is_some_and(|last| u[near] - u[*last] > least) {
+            knots.push(near);
+        }
+    }
+    if let Some(last) = knots.last_mut()
+        && u.len() > 1
+        && *last + 1 != u.len()
+    {
+        match *last == 0 {
+            true => knots.push(u.len() - 1),
+            false => *last = u.len() - 1,
+        }
+    }
+    knots
+}
+
+/// The first station without a posture, up to the given one.
+fn first_stop(ruler: &mut Ruler<'_>, stations: &[Station], last: usize) -> Option<Stop> {
+    let mut upto = stations.iter().enumerate().take(last + 1);
+    upto.find_map(|(station, s)| {
+        let cause = cause::cause(ruler, &s.tip, s.open)?;
+        Some(Stop { station, cause })
+    })
+}
+
+/// Whether a coarse graph has a chain from end to end, and its postures at the knots: a quick answer
+/// about many places, without smoothing.
+pub(crate) fn chain(
+    ruler: &mut Ruler<'_>,
+    stations: &[Station],
+    home: &Joints,
+) -> Result<Option<Vec<(usize, Joints)>>, Error> {
+    let mut u = lengths(stations);
+    let whole = u.last().copied().unwrap_or_default().max(1e-9);
+    for u in &mut u {
+        *u /= whole;
+    }
+    let knots = knots(&u, COARSE.knots);
+    // The ends and the middle are the likeliest to fail.
+    for k in [0, knots.len() - 1, knots.len() / 2] {
+        if !possible(ruler, &stations[knots[k]])? {
+            return Ok(None);
+        }
+    }
+    let graph = Graph::new(ruler, stations, &u, &knots, home, COARSE)?;
+    let Ok(mut graph) = graph else {
+        return Ok(None);
+    };
+    let found = graph.search().ok();
+    Ok(found.map(|chain| {
+        let postures = chain.iter().map(|&node| graph.nodes[node].q);
+        knots.iter().copied().zip(postures).collect()
+    }))
+}
+
+/// Postures at the knots.
+struct Graph {
+    nodes: Vec<Node>,
+    /// Where each knot's nodes start, and the end of the last.
+    starts: Vec<usize>,
+    /// Parameter from knot to knot.
+    steps: Vec<f64>,
+    window: usize,
+    forbidden: Vec<[usize; 2]>,
+}
+
+struct Node {
+    q: Joints,
+    /// Which value of `q7`.
+    value: usize,
+    cost: f64,
+    best: f64,
+    from: usize,
+}
+
+impl Graph {
+    /// Or the first knot without a posture.
+    fn new(
+        ruler: &mut Ruler<'_>,
+        stations: &[Station],
+        u: &[f64],
+        knots: &[usize],
+        home: &Joints,
+        mesh: Mesh,
+    ) -> Result<Result<Self, usize>, Error> {
+        let arm = ruler.arm();
+        let (mut nodes, mut starts) = (Vec::new(), vec![0]);
+        for (k, &knot) in knots.iter().enumerate() {
+            let station = &stations[knot];
+            let is_end = k == 0 || k + 1 == knots.len();
+            let span = u[knots[(k + 1).min(knots.len() - 1)]] - u[knots[k.saturating_sub(1)]];
+            for (value, q7) in cause::grid(arm, mesh.values).enumerate() {
+                let solutions = arm.inverse(&station.tip, q7, home[0])?;
+                for solution in solutions.as_slice() {
+                    let q = solution.q;
+                    if !solution.in_limits || !fits(ruler, &q, station.open) {
+                        continue;
+                    }
+                    let margins = arm.joints().iter().zip(&q);
+                    let barrier = |(joint, q): (&crate::Joint, &f64)| {
+                        let share = BARRIER / joint.limits.margin(*q);
+                        share * share
+                    };
+                    let mut cost = 0.5 * span * margins.map(barrier).sum::<f64>();
+                    if is_end {
+                        cost += HOMING * squared(&q, home);
+                    }
+                    nodes.push(Node {
+                        q,
+                        value,
+                        cost,
+                        best: f64::INFINITY,
+                        from: usize::MAX,
+                    });
+                }
+            }
+            if nodes.len() == starts[k] {
+                return Ok(Err(k));
+            }
+            starts.push(nodes.len());
+        }
+        let range = arm.joints()[6].limits;
+        let step = (range.upper - range.lower) / (mesh.values - 1) as f64;
+        Ok(Ok(Self {
+            nodes,
+            starts,
+            steps: knots.windows(2).map(|k| u[k[1]] - u[k[0]]).collect(),
+            window: (LINK / step).ceil() as usize,
+            forbidden: Vec::new(),
+        }))
+    }
+
+    /// The best chain of nodes, or the first knot that none leads to, with the joint that stands
+    /// most in the way and how far it would have to jump.
+    fn search(&mut self) -> Result<Vec<usize>, (usize, usize, f64)> {
+        for node in &mut self.nodes[..self.starts[1]] {
+            node.best = node.cost;
+        }
+        for k in 1..self.starts.len() - 1 {
+            let (done, rest) = self.nodes.split_at_mut(self.starts[k]);
+            let before = self.starts[k - 1];
+            let earlier = &done[before..];
+            let weight = 1.0 / self.steps[k - 1].max(1e-9);
+            let mut any = false;
+            for (n, node) in rest[..self.starts[k + 1] - self.starts[k]]
+                .iter_mut()
+                .enumerate()
+            {
+                let first = earlier.partition_point(|a| a.value + self.window < node.value);
+                (node.best, node.from) = (f64::INFINITY, usize::MAX);
+                for (a, other) in earlier.iter().enumerate().skip(first) {
+                    if other.value > node.value + self.window {
+                        break;
+                    }
+                    if other.best == f64::INFINITY || furthest(&other.q, &node.q).0 > LINK {
+                        continue;
+                    }
+                    let total = other.best + node.cost + weight * squared(&other.q, &node.q);
+                    let link = [before + a, self.starts[k] + n];
+                    if total < node.best && !self.forbidden.contains(&link) {
+                        (node.best, node.from) = (total, before + a);
+                        any = true;
+                    }
+                }
+            }
+            if !any {
+                return Err(self.gap(k));
+            }
+        }
+        let last = self.starts[self.starts.len() - 2];
+        let ends = self.nodes[last..].iter().enumerate();
+        let best = ends.min_by(|a, b| a.1.best.total_cmp(&b.1.best));
+        let mut at = last + best.map_or(0, |(k, _)| k);
+        let mut chain = vec![at];
+        while self.nodes[at].from != usize::MAX && at >= self.starts[1] {
+            at = self.nodes[at].from;
+            chain.push(at);
+        }
+        chain.reverse();
+        Ok(chain)
+    }
+
+    fn gap(&self, k: usize) -> (usize, usize, f64) {
+        let mut least = (k, 0, f64::INFINITY);
+        for a in &self.nodes[self.starts[k - 1]..self.starts[k]] {
+            for b in &self.nodes[self.starts[k]..self.starts[k + 1]] {
+                let (by, joint) = furthest(&a.q, &b.q);
+                if a.best < f64::INFINITY && by < least.2 {
+                    least = (k, joint, by);
+                }
+            }
+        }
+        least
+    }
+}
+
+fn possible(ruler: &mut Ruler<'_>, station: &Station) -> Result<bool, Error> {
+    if ruler.hand(&station.tip, station.open).0 < 0.0 {
+        return Ok(false);
+    }
+    let arm = ruler.arm();
+    for q7 in cause::grid(arm, COARSE.values) {
+        let solutions = arm.inverse(&station.tip, q7, 0.0)?;
+        for solution in solutions.as_slice() {
+            if solution.in_limits && fits(ruler, &solution.q, station.open) {
+                return Ok(true);
+            }
+        }
+    }
+    Ok(false)
+}
+
+/// Whether a posture keeps its margins.
+pub(crate) fn fits(ruler: &mut Ruler<'_>, q: &[f64], open: bool) -> bool {
+    room(ruler.arm(), q).0 >= 0.0 && ruler.is_clear(q, open, 0.0, OWN_MARGIN)
+}
+
+fn squared(a: &Joints, b: &Joints) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+/// The largest difference of a joint, and which.
+pub(crate) fn furthest(a: &[f64], b: &[f64]) -> (f64, usize) {
+    let mut worst = (0.0, 0);
+    for (k, (a, b)) in a.iter().zip(b).enumerate() {
+        if (a - b).abs() > worst.0 {
+            worst = ((a - b).abs(), k);
+        }
+    }
+    worst
+}
+
+/// Every station solved with the smoothed `q7`, from the branch of the first knot on.
+fn follow(
+    ruler: &mut Ruler<'_>,
+    stations: &[Station],
+    u: &[f64],
+    knots: &[usize],
+    choice: &[Joints],
+    lambda: f64,
+) -> Result<Result<Vec<f64>, Stop>, Error> {
+    let arm = ruler.arm();
+    let mut sevenths: Vec<f64> = choice.iter().map(|q| q[6]).collect();
+    smooth(&mut sevenths, lambda);
+    let at: Vec<f64> = knots.iter().map(|&k| u[k]).collect();
+    let curve = (knots.len() > 1).then(|| Spline::new(&at, &sevenths, 1, Ends::Free));
+    let mut path: Vec<f64> = Vec::with_capacity(7 * stations.len());
+    let mut previous = choice[0];
+    for (k, station) in stations.iter().enumerate() {
+        let mut q7 = [sevenths[0]];
+        if let Some(curve) = &curve {
+            curve.position(u[k], &mut q7);
+        }
+        let solutions = arm.inverse(&station.tip, q7[0], previous[0])?;
+        // The first only has to be on the branch chosen; its q7 has been smoothed.
+        let bound = if k == 0 { LINK } else { STEP };
+        let mut nearest = (f64::INFINITY, 0, previous);
+        for solution in solutions.as_slice().iter().filter(|s| s.in_limits) {
+            let (distance, joint) = furthest(&solution.q, &previous);
+            if distance < nearest.0 {
+                nearest = (distance, joint, solution.q);
+            }
+        }
+        if nearest.0 > bound || !fits(ruler, &nearest.2, station.open) {
+            let cause = cause::cause(ruler, &station.tip, station.open);
+            let cause = cause.unwrap_or_else(|| Cause::Jump {
+                joint: arm.joints()[nearest.1].name.clone(),
+                by: nearest.0.min(std::f64::consts::TAU),
+            });
+            return Ok(Err(Stop { station: k, cause }));
+        }
+        previous = nearest.2;
+        path.extend_from_slice(&previous);
+    }
+    Ok(Ok(path))
+}
+
+/// Solves `(1 + lambda D^T D) x = x0` in place, `D` being second differences: five diagonals,
+/// positive definite, by an `L D L^T` factorisation.
+fn smooth(x: &mut [f64], lambda: f64) {
+    let n = x.len();
+    if n < 3 || lambda == 0.0 {
+        return;
+    }
+    let mut bands = vec![[1.0, 0.0, 0.0]; n];
+    for k in 0..n - 2 {
+        for (a, first) in [1.0, -2.0, 1.0].into_iter().enumerate() {
+            for (b, second) in [1.0, -2.0, 1.0].into_iter().enumerate().skip(a) {
+                bands[k + a][b - a] += lambda * first * second;
+            }
+        }
+    }
+    // bands[k] = [pivot, L of the next row, L of the one after].
+    for k in 0..n {
+        let [pivot, near, far] = bands[k];
+        if k + 1 < n {
+            bands[k + 1][0] -= near * near / pivot;
+            bands[k + 1][1] -= near * far / pivot;
+        }
+        if k + 2 < n {
+            bands[k + 2][0] -= far * far / pivot;
+        }
+        bands[k] = [pivot, near / pivot, far / pivot];
+    }
+    for k in 0..n {
+        let value = x[k];
+        for d in 1..=2.min(n - 1 - k) {
+            x[k + d] -= bands[k][d] * value;
+        }
+    }
+    for k in (0..n).rev() {
+        x[k] /= bands[k][0];
+        for d in 1..=2.min(n - 1 - k) {
+            x[k] -= bands[k][d] * x[k + d];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn smoothing_keeps_lines_and_solves_its_equation() {
+        let mut line: Vec<f64> = (0..10).map(|k| 0.3 * f64::from(k) - 1.0).collect();
+        let kept = line.clone();
+        smooth(&mut line, 100.0);
+        assert!(line.iter().zip(&kept).all(|(a, b)| (a - b).abs() < 1e-12));
+        let start = [0.0, 1.0, -0.5, 2.0, 0.3, 0.7];
+        let mut x = start;
+        let lambda = 3.0;
+        smooth(&mut x, lambda);
+        for k in 0..x.len() {
+            let mut sum = x[k];
+            for m in 0..x.len() - 2 {
+                let second = x[m] - 2.0 * x[m + 1] + x[m + 2];
+                sum += lambda * second * [1.0, -2.0, 1.0].get(k.wrapping_sub(m)).unwrap_or(&0.0);
+            }
+            assert!((sum - start[k]).abs() < 1e-13);
+        }
+    }
+
+    #[test]
+    fn knots_are_even_and_keep_the_ends() {
+        let u: Vec<f64> = (0..=100).map(|k| f64::from(k) / 100.0).collect();
+        assert_eq!(knots(&u, 5), [0, 25, 50, 75, 100]);
+        assert_eq!(knots(&u[..1], 5), [0]);
+        assert_eq!(knots(&[0.0, 1.0], 40), [0, 1]);
+        assert_eq!(knots(&[0.0, 1e-9, 1.0], 40), [0, 2]);
+    }
+}
