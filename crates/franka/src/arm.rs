@@ -5,7 +5,7 @@ use std::path::Path;
 use selvedge_math::{DMat3, DQuat, DVec3, Pose, PoseError};
 use urdf_rs::JointType;
 
-use crate::body::{Body, Solid};
+use crate::body::{Body, Solid, mark_envelopes};
 use crate::inverse::Geometry;
 use crate::{Error, Limits};
 
@@ -324,9 +324,11 @@ fn bodies(robot: &urdf_rs::Robot, chain: &[Link]) -> Result<(Vec<Body>, usize), 
                 link: link.name.clone(),
                 joints,
                 solids: poses.map(|pose| solid.moved(&pose)),
+                envelope: false,
             });
         }
     }
+    mark_envelopes(&mut bodies);
     Ok((bodies, meshes))
 }
 

@@ -13,6 +13,33 @@ pub(crate) struct Body {
     pub(crate) joints: usize,
     /// In the frame of the last of them, with the jaws closed and with the jaws open.
     pub(crate) solids: [Solid; 2],
+    /// Whether it is drawn around fingers that have bodies of their own, see [`mark_envelopes`].
+    pub(crate) envelope: bool,
+}
+
+/// Marks bodies of the last link that stand for its fingers as a whole: those that hold the middle
+/// of a fingertip, the body furthest from the link's frame among those that the jaws move. FR3's
+/// hand has one, which is rounded 7 mm further out than the fingertips: next to a table the fingers'
+/// own boxes say more.
+pub(crate) fn mark_envelopes(bodies: &mut [Body]) {
+    let far = |body: &&Body| body.solids[0].ball().0.length();
+    let moves = |body: &&Body| body.solids[0] != body.solids[1];
+    let fingers = bodies.iter().filter(moves);
+    let Some(tip) = fingers.max_by(|a, b| far(a).total_cmp(&far(b))) else {
+        return;
+    };
+    let (joints, link) = (tip.joints, tip.link.clone());
+    let middles = tip.solids.map(|solid| solid.ball().0);
+    for body in bodies {
+        if let Solid::Capsule { ends, radius } = body.solids[0] {
+            let along = ends[1] - ends[0];
+            let holds = |p: &DVec3| {
+                let share = (*p - ends[0]).dot(along) / along.length_squared().max(1e-12);
+                p.distance(ends[0] + share.clamp(0.0, 1.0) * along) < radius
+            };
+            body.envelope = body.joints == joints && body.link != link && middles.iter().all(holds);
+        }
+    }
 }
 
 /// A convex shape [m].

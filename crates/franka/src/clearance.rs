@@ -1,7 +1,7 @@
 //! How far an arm is from the table and from itself.
 
 use crate::Arm;
-use crate::body::Solid;
+use crate::body::{Body, Solid};
 use crate::distance::distance;
 use crate::forward::Frame;
 
@@ -70,8 +70,9 @@ impl<'a> Ruler<'a> {
         self.placed.clear();
         for body in self.arm.bodies() {
             let solid = body.solids[self.jaw].placed(&self.frames[body.joints]);
-            // The base stands on the table, and the first link turns in place.
-            self.placed.push((solid, body.joints > 1));
+            // The base stands on the table, the first link turns in place, and envelopes of the
+            // fingers are rounder than those.
+            self.placed.push((solid, body.joints > 1 && !body.envelope));
         }
     }
 
@@ -129,7 +130,8 @@ impl<'a> Ruler<'a> {
         };
         let count = self.arm.joints().len();
         let mut lowest = (f64::INFINITY, "");
-        for body in self.arm.bodies().iter().filter(|body| body.joints == count) {
+        let of_hand = |body: &&Body| body.joints == count && !body.envelope;
+        for body in self.arm.bodies().iter().filter(of_hand) {
             let height = body.solids[usize::from(open)].placed(&frame).bottom() - self.table;
             if height < lowest.0 {
                 lowest = (height, &body.link);

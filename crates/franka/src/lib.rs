@@ -34,7 +34,7 @@ pub use motion::{Motion, Timing};
 pub use numeric::{NumericSolution, TOLERANCE};
 pub use placement::Placement;
 pub use rates::{Rates, Window};
-pub use reach::{Blocked, Offer, Part, Posture, Reach, Row, home, reach};
+pub use reach::{Blocked, Offer, Part, Posture, Reach, Row, home, joint_path, reach};
 pub use search::{PLACES, Place, SPACING, ranked, search};
 pub use task::LIFT;
 pub use timing::{TICK, Usage, slow_down, usage};

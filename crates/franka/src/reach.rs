@@ -264,14 +264,7 @@ pub fn reach<'a>(arm: &'a Arm, log: &Log, placement: &Placement) -> Result<Reach
             }
         }
         Err(stop) => {
-            let row = task.rows.iter().position(|&k| k >= stop.station);
-            let part = match row {
-                _ if stop.station < task.rows[0] => Part::Down,
-                Some(row) => Part::Row(row, log.samples[row].time),
-                None => Part::Up,
-            };
-            let cause = stop.cause;
-            reach.blocked = Some(Blocked { part, cause });
+            reach.blocked = Some(blocked(&task, log, stop));
             let mut known: Option<(usize, Option<Cause>)> = None;
             for (sample, &k) in log.samples.iter().zip(&task.rows) {
                 let cause = match known.take() {
@@ -289,6 +282,43 @@ pub fn reach<'a>(arm: &'a Arm, log: &Log, placement: &Placement) -> Result<Reach
         }
     }
     Ok(reach)
+}
+
+/// Joint positions for each row of a log, without a report and without times: `q` with one number a
+/// joint for each row, or what is in the way. The way down to the first row and up from the last is
+/// thought of as in [`reach`], that from home and back is not.
+///
+/// # Errors
+/// As [`reach`].
+pub fn joint_path(
+    arm: &Arm,
+    log: &Log,
+    placement: &Placement,
+) -> Result<Result<Vec<f64>, Blocked>, Error> {
+    check(log)?;
+    check_arm(arm)?;
+    let home = home(arm);
+    let mut ruler = Ruler::new(arm, placement.table_in_base());
+    let task = Task::new(log, placement);
+    let followed = follow(&mut ruler, &task.stations, &home)?;
+    Ok(followed
+        .map(|q| {
+            let n = home.len();
+            let rows = task.rows.iter().flat_map(|&k| &q[k * n..(k + 1) * n]);
+            rows.copied().collect()
+        })
+        .map_err(|stop| blocked(&task, log, stop)))
+}
+
+/// Which part of the way a stop is on.
+fn blocked(task: &Task, log: &Log, stop: route::Stop) -> Blocked {
+    let part = match task.rows.iter().position(|&k| k >= stop.station) {
+        _ if stop.station < task.rows[0] => Part::Down,
+        Some(row) => Part::Row(row, log.samples[row].time),
+        None => Part::Up,
+    };
+    let cause = stop.cause;
+    Blocked { part, cause }
 }
 
 /// Joint positions for each station, by the exact inverse where the arm has one.

@@ -11,14 +11,16 @@
 
 use selvedge_math::Pose;
 
-use crate::Error;
 use crate::cause::{self, Cause, OWN_MARGIN, room};
 use crate::clearance::Ruler;
 use crate::inverse::Joints;
 use crate::spline::{Ends, Spline};
+use crate::{Arm, Error};
 
 /// Weight of a joint's distance from its limits [rad].
 const BARRIER: f64 = 0.25;
+/// Weight of the length of the way in joint space, on the coarse graph.
+const LENGTH: f64 = 2.0;
 /// Weight of the distance from home at both ends.
 const HOMING: f64 = 0.2;
 /// How far a joint may turn from knot to knot [rad].
@@ -28,7 +30,10 @@ const STEP: f64 = 0.25;
 /// How often the graph is searched again without a link that proved wrong.
 const RETRIES: usize = 12;
 /// Smoothing, tried in this order.
-const LAMBDAS: [f64; 4] = [300.0, 10.0, 0.5, 0.0];
+const LAMBDAS: [f64; 4] = [30.0, 3.0, 0.3, 0.0];
+/// Values of `q7` to either side, and the steps between them [rad], when a chain is refined.
+const BESIDE: i32 = 5;
+const FINER: [f64; 5] = [0.06, 0.03, 0.015, 0.006, 0.002];
 /// A rotation of a radian is as long as this [m].
 const LEVER: f64 = 0.2;
 
@@ -131,20 +136,23 @@ pub(crate) fn route(
             }
         };
         let choice: Vec<Joints> = chain.iter().map(|&node| graph.nodes[node].q).collect();
+        let finer = finer(ruler.arm(), stations, &graph.steps, &knots, &choice, home)?;
         for lambda in LAMBDAS {
-            match follow(ruler, stations, &u, &knots, &choice, lambda)? {
-                Ok(path) => return Ok(Ok(path)),
-                Err(stopped) if knots.len() == 1 => return Ok(Err(stopped)),
-                Err(stopped) => {
-                    // The link that leads over the station; the one that leads to it if it is a knot.
-                    let knot = knots.partition_point(|&k| k < stopped.station).max(1);
-                    if lambda == 0.0 {
-                        graph.forbidden.push([chain[knot - 1], chain[knot]]);
-                        stop = stop
-                            .filter(|s: &Stop| s.station >= stopped.station)
-                            .or(Some(stopped));
-                    }
-                }
+            if let Ok(path) = follow(ruler, stations, &u, &knots, &finer, lambda)? {
+                return Ok(Ok(path));
+            }
+        }
+        // What the chain was checked for, at least at the knots.
+        match follow(ruler, stations, &u, &knots, &choice, 0.0)? {
+            Ok(path) => return Ok(Ok(path)),
+            Err(stopped) if knots.len() == 1 => return Ok(Err(stopped)),
+            Err(stopped) => {
+                // The link that leads over the station; the one that leads to it if it is a knot.
+                let knot = knots.partition_point(|&k| k < stopped.station).max(1);
+                graph.forbidden.push([chain[knot - 1], chain[knot]]);
+                stop = stop
+                    .filter(|s: &Stop| s.station >= stopped.station)
+                    .or(Some(stopped));
             }
         }
     }
@@ -240,6 +248,26 @@ struct Node {
     from: usize,
 }
 
+impl Node {
+    /// `span` is the parameter from the knot before to the knot after.
+    fn new(arm: &Arm, q: Joints, value: usize, span: f64, home: Option<&Joints>) -> Self {
+        let margins = arm.joints().iter().zip(&q);
+        let barrier = |(joint, q): (&crate::Joint, &f64)| {
+            let share = BARRIER / joint.limits.margin(*q);
+            share * share
+        };
+        let barriers = 0.5 * span * margins.map(barrier).sum::<f64>();
+        let cost = barriers + home.map_or(0.0, |home| HOMING * squared(&q, home));
+        Self {
+            q,
+            value,
+            cost,
+            best: cost,
+            from: 0,
+        }
+    }
+}
+
 impl Graph {
     /// Or the first knot without a posture.
     fn new(
@@ -263,22 +291,7 @@ impl Graph {
                     if !solution.in_limits || !fits(ruler, &q, station.open) {
                         continue;
                     }
-                    let margins = arm.joints().iter().zip(&q);
-                    let barrier = |(joint, q): (&crate::Joint, &f64)| {
-                        let share = BARRIER / joint.limits.margin(*q);
-                        share * share
-                    };
-                    let mut cost = 0.5 * span * margins.map(barrier).sum::<f64>();
-                    if is_end {
-                        cost += HOMING * squared(&q, home);
-                    }
-                    nodes.push(Node {
-                        q,
-                        value,
-                        cost,
-                        best: f64::INFINITY,
-                        from: usize::MAX,
-                    });
+                    nodes.push(Node::new(arm, q, value, span, is_end.then_some(home)));
                 }
             }
             if nodes.len() == starts[k] {
@@ -307,7 +320,6 @@ impl Graph {
             let (done, rest) = self.nodes.split_at_mut(self.starts[k]);
             let before = self.starts[k - 1];
             let earlier = &done[before..];
-            let weight = 1.0 / self.steps[k - 1].max(1e-9);
             let mut any = false;
             for (n, node) in rest[..self.starts[k + 1] - self.starts[k]]
                 .iter_mut()
@@ -322,7 +334,9 @@ impl Graph {
                     if other.best == f64::INFINITY || furthest(&other.q, &node.q).0 > LINK {
                         continue;
                     }
-                    let total = other.best + node.cost + weight * squared(&other.q, &node.q);
+                    // Squares of steps on a coarse grid would favour never to step.
+                    let length = squared(&other.q, &node.q).sqrt();
+                    let total = other.best + node.cost + LENGTH * length;
                     let link = [before + a, self.starts[k] + n];
                     if total < node.best && !self.forbidden.contains(&link) {
                         (node.best, node.from) = (total, before + a);
@@ -397,6 +411,68 @@ pub(crate) fn furthest(a: &[f64], b: &[f64]) -> (f64, usize) {
     worst
 }
 
+/// The same branch with `q7` chosen more finely: the chain is searched again among values near the
+/// last choice, in ever smaller steps. Table and self are left to [`follow`].
+fn finer(
+    arm: &Arm,
+    stations: &[Station],
+    steps: &[f64],
+    knots: &[usize],
+    choice: &[Joints],
+    home: &Joints,
+) -> Result<Vec<Joints>, Error> {
+    let mut choice = choice.to_vec();
+    let mut nodes: Vec<Node> = Vec::new();
+    let mut starts = Vec::new();
+    for step in FINER {
+        nodes.clear();
+        starts.clear();
+        starts.push(0);
+        for (k, last) in choice.iter().enumerate() {
+            let span = [k.checked_sub(1), Some(k)].into_iter().flatten();
+            let span: f64 = span.filter_map(|k| steps.get(k)).sum();
+            let is_end = k == 0 || k + 1 == choice.len();
+            for beside in -BESIDE..=BESIDE {
+                let q7 = last[6] + step * f64::from(beside);
+                let solutions = arm.inverse(&stations[knots[k]].tip, q7, last[0])?;
+                let near = solutions.as_slice().iter().map(|s| s.q);
+                let near = near.filter(|q| furthest(q, last).0 < LINK && room(arm, q).0 >= 0.0);
+                let Some(q) = near.min_by(|a, b| squared(a, last).total_cmp(&squared(b, last)))
+                else {
+                    continue;
+                };
+                nodes.push(Node::new(arm, q, 0, span, is_end.then_some(home)));
+            }
+            if nodes.len() == starts[k] {
+                return Ok(choice);
+            }
+            starts.push(nodes.len());
+        }
+        for k in 1..choice.len() {
+            let weight = 1.0 / steps[k - 1].max(1e-9);
+            let (done, rest) = nodes.split_at_mut(starts[k]);
+            for node in &mut rest[..starts[k + 1] - starts[k]] {
+                node.best = f64::INFINITY;
+                for (a, other) in done.iter().enumerate().skip(starts[k - 1]) {
+                    let total = other.best + node.cost + weight * squared(&other.q, &node.q);
+                    if total < node.best {
+                        (node.best, node.from) = (total, a);
+                    }
+                }
+            }
+        }
+        let last = choice.len() - 1;
+        let ends = starts[last]..nodes.len();
+        let best = ends.min_by(|&a, &b| nodes[a].best.total_cmp(&nodes[b].best));
+        let mut at = best.unwrap_or(starts[last]);
+        for k in (0..=last).rev() {
+            choice[k] = nodes[at].q;
+            at = nodes[at].from;
+        }
+    }
+    Ok(choice)
+}
+
 /// Every station solved with the smoothed `q7`, from the branch of the first knot on.
 fn follow(
     ruler: &mut Ruler<'_>,
@@ -408,8 +484,8 @@ fn follow(
 ) -> Result<Result<Vec<f64>, Stop>, Error> {
     let arm = ruler.arm();
     let mut sevenths: Vec<f64> = choice.iter().map(|q| q[6]).collect();
-    smooth(&mut sevenths, lambda);
     let at: Vec<f64> = knots.iter().map(|&k| u[k]).collect();
+    smooth(&mut sevenths, &at, lambda);
     let curve = (knots.len() > 1).then(|| Spline::new(&at, &sevenths, 1, Ends::Free));
     let mut path: Vec<f64> = Vec::with_capacity(7 * stations.len());
     let mut previous = choice[0];
@@ -442,17 +518,26 @@ fn follow(
     Ok(Ok(path))
 }
 
+/// Second differences of a function at the places `at`, as weights of three values: differences of
+/// the slopes, times the mean distance of the places.
+fn second_difference(at: &[f64], k: usize) -> [f64; 3] {
+    let mean = (at[at.len() - 1] - at[0]) / (at.len() - 1) as f64;
+    let (before, after) = (mean / (at[k + 1] - at[k]), mean / (at[k + 2] - at[k + 1]));
+    [before, -before - after, after]
+}
+
 /// Solves `(1 + lambda D^T D) x = x0` in place, `D` being second differences: five diagonals,
 /// positive definite, by an `L D L^T` factorisation.
-fn smooth(x: &mut [f64], lambda: f64) {
+fn smooth(x: &mut [f64], at: &[f64], lambda: f64) {
     let n = x.len();
     if n < 3 || lambda == 0.0 {
         return;
     }
     let mut bands = vec![[1.0, 0.0, 0.0]; n];
     for k in 0..n - 2 {
-        for (a, first) in [1.0, -2.0, 1.0].into_iter().enumerate() {
-            for (b, second) in [1.0, -2.0, 1.0].into_iter().enumerate().skip(a) {
+        let weights = second_difference(at, k);
+        for (a, first) in weights.into_iter().enumerate() {
+            for (b, second) in weights.into_iter().enumerate().skip(a) {
                 bands[k + a][b - a] += lambda * first * second;
             }
         }
@@ -489,21 +574,22 @@ mod tests {
 
     #[test]
     fn smoothing_keeps_lines_and_solves_its_equation() {
-        let mut line: Vec<f64> = (0..10).map(|k| 0.3 * f64::from(k) - 1.0).collect();
-        let kept = line.clone();
-        smooth(&mut line, 100.0);
+        let at = [0.0, 0.1, 0.3, 0.35, 0.6, 1.0];
+        let mut line = at.map(|u| 0.3 * u - 1.0);
+        let kept = line;
+        smooth(&mut line, &at, 100.0);
         assert!(line.iter().zip(&kept).all(|(a, b)| (a - b).abs() < 1e-12));
         let start = [0.0, 1.0, -0.5, 2.0, 0.3, 0.7];
-        let mut x = start;
-        let lambda = 3.0;
-        smooth(&mut x, lambda);
+        let (mut x, lambda) = (start, 3.0);
+        smooth(&mut x, &at, lambda);
         for k in 0..x.len() {
             let mut sum = x[k];
             for m in 0..x.len() - 2 {
-                let second = x[m] - 2.0 * x[m + 1] + x[m + 2];
-                sum += lambda * second * [1.0, -2.0, 1.0].get(k.wrapping_sub(m)).unwrap_or(&0.0);
+                let weights = second_difference(&at, m);
+                let second: f64 = (0..3).map(|d| weights[d] * x[m + d]).sum();
+                sum += lambda * second * weights.get(k.wrapping_sub(m)).unwrap_or(&0.0);
             }
-            assert!((sum - start[k]).abs() < 1e-13);
+            assert!((sum - start[k]).abs() < 1e-12);
         }
     }
 
