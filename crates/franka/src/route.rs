@@ -3,8 +3,9 @@
 //! A Franka has one joint more than a pose has numbers. Given `q7` the exact inverse has up to eight
 //! branches, so at each pose the choice is a number and a branch. Dynamic programming (Bellman 1957)
 //! on the graph of (path parameter u, q7, branch) finds the best continuous choice at some knots:
-//! least `sum |dq|^2 / du + du sum_j (W / margin_j)^2` over chains whose links turn no joint by more
-//! than a bound. Then `q7(u)` is smoothed (Whittaker 1923: least
+//! least `sum |dq| + du sum_j (W / margin_j)^2` over chains whose links turn no joint by more than a
+//! bound. The chain is then searched again among values of `q7` near the last ones, in ever smaller
+//! steps, with `|dq|^2 / du` for `|dq|`. Then `q7(u)` is smoothed (Whittaker 1923: least
 //! `sum (x - q7)^2 + lambda sum (second difference of x)^2`), every pose is solved exactly with the
 //! smoothed value, and whatever that breaks is undone with a smaller lambda, or by forbidding the
 //! link of the graph that led there.
@@ -21,6 +22,11 @@ use crate::{Arm, Error};
 const BARRIER: f64 = 0.25;
 /// Weight of the length of the way in joint space, on the coarse graph.
 const LENGTH: f64 = 2.0;
+/// Weight of the sine of `q2`: where the upper arm stands on the axis of joint 1, joints 1 and 3 turn
+/// the arm alike, and with `q7` given they whirl.
+const UPRIGHT: f64 = 0.12;
+/// Cost of a link on which `q2` changes its sign.
+const WHIRL: f64 = 30.0;
 /// Weight of the distance from home at both ends.
 const HOMING: f64 = 0.2;
 /// How far a joint may turn from knot to knot [rad].
@@ -204,13 +210,17 @@ pub(crate) fn chain(
     ruler: &mut Ruler<'_>,
     stations: &[Station],
     home: &Joints,
-) -> Result<Option<Vec<(usize, Joints)>>, Error> {
+) -> Result<Option<Vec<Joints>>, Error> {
     let mut u = lengths(stations);
     let whole = u.last().copied().unwrap_or_default().max(1e-9);
     for u in &mut u {
         *u /= whole;
     }
     let knots = knots(&u, COARSE.knots);
+    // Where the hand itself is under the table no posture helps.
+    if stations.iter().any(|s| ruler.hand(&s.tip, s.open).0 < 0.0) {
+        return Ok(None);
+    }
     // The ends and the middle are the likeliest to fail.
     for k in [0, knots.len() - 1, knots.len() / 2] {
         if !possible(ruler, &stations[knots[k]])? {
@@ -222,10 +232,7 @@ pub(crate) fn chain(
         return Ok(None);
     };
     let found = graph.search().ok();
-    Ok(found.map(|chain| {
-        let postures = chain.iter().map(|&node| graph.nodes[node].q);
-        knots.iter().copied().zip(postures).collect()
-    }))
+    Ok(found.map(|chain| chain.iter().map(|&node| graph.nodes[node].q).collect()))
 }
 
 /// Postures at the knots.
@@ -256,7 +263,8 @@ impl Node {
             let share = BARRIER / joint.limits.margin(*q);
             share * share
         };
-        let barriers = 0.5 * span * margins.map(barrier).sum::<f64>();
+        let upright = UPRIGHT / q[1].sin().abs().max(1e-3);
+        let barriers = 0.5 * span * (margins.map(barrier).sum::<f64>() + upright * upright);
         let cost = barriers + home.map_or(0.0, |home| HOMING * squared(&q, home));
         Self {
             q,
@@ -336,7 +344,7 @@ impl Graph {
                     }
                     // Squares of steps on a coarse grid would favour never to step.
                     let length = squared(&other.q, &node.q).sqrt();
-                    let total = other.best + node.cost + LENGTH * length;
+                    let total = other.best + node.cost + LENGTH * length + whirl(&other.q, &node.q);
                     let link = [before + a, self.starts[k] + n];
                     if total < node.best && !self.forbidden.contains(&link) {
                         (node.best, node.from) = (total, before + a);
@@ -376,9 +384,6 @@ impl Graph {
 }
 
 fn possible(ruler: &mut Ruler<'_>, station: &Station) -> Result<bool, Error> {
-    if ruler.hand(&station.tip, station.open).0 < 0.0 {
-        return Ok(false);
-    }
     let arm = ruler.arm();
     for q7 in cause::grid(arm, COARSE.values) {
         let solutions = arm.inverse(&station.tip, q7, 0.0)?;
@@ -394,6 +399,10 @@ fn possible(ruler: &mut Ruler<'_>, station: &Station) -> Result<bool, Error> {
 /// Whether a posture keeps its margins.
 pub(crate) fn fits(ruler: &mut Ruler<'_>, q: &[f64], open: bool) -> bool {
     room(ruler.arm(), q).0 >= 0.0 && ruler.is_clear(q, open, 0.0, OWN_MARGIN)
+}
+
+fn whirl(a: &Joints, b: &Joints) -> f64 {
+    if a[1] * b[1] < 0.0 { WHIRL } else { 0.0 }
 }
 
 fn squared(a: &Joints, b: &Joints) -> f64 {
@@ -454,7 +463,8 @@ fn finer(
             for node in &mut rest[..starts[k + 1] - starts[k]] {
                 node.best = f64::INFINITY;
                 for (a, other) in done.iter().enumerate().skip(starts[k - 1]) {
-                    let total = other.best + node.cost + weight * squared(&other.q, &node.q);
+                    let length = weight * squared(&other.q, &node.q);
+                    let total = other.best + node.cost + length + whirl(&other.q, &node.q);
                     if total < node.best {
                         (node.best, node.from) = (total, a);
                     }

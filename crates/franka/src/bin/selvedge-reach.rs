@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail, ensure};
 use clap::Parser;
 use selvedge_franka::{
-    Arm, Place, Placement, Posture, Rates, Reach, Usage, ranked, reach, search, slow_down,
+    Arm, Place, Placement, Posture, Rates, Reach, Usage, best, reach, search, slow_down,
 };
 use selvedge_trajectory::log::{self, Log};
 use serde_json::{Value, json};
@@ -107,9 +107,9 @@ fn run(arguments: &Arguments) -> Result<bool> {
     } else {
         let height = given.map_or(arguments.table, |base| base[2]);
         let all = search(&arm, &log, height, arguments.table).with_context(|| name.clone())?;
-        let best = best(&arm, &log, &all)?;
+        let found = best(&arm, &log, &all).with_context(|| name.clone())?;
         places = all;
-        best
+        found.context("every place of the search is on the cloth; give a --base")?
     };
     let possible = found.blocked.is_none() && found.timing.is_some();
     report(&arm, &found, &places);
@@ -156,33 +156,6 @@ fn base(text: &str) -> Result<[f64; 4]> {
         Some(&[x, y, z, yaw]) => Ok([x, y, z, yaw]),
         _ => bail!("--base is {text}, must be four numbers x,y,z,yaw [m, m, m, rad]"),
     }
-}
-
-/// The best place whose whole path is possible, or what stands in the way at the best or the nearest.
-fn best<'a>(arm: &'a Arm, log: &Log, places: &[Place]) -> Result<Reach<'a>> {
-    const TRIES: usize = 10;
-    let ranked = ranked(places);
-    let mut first = None;
-    for place in ranked.iter().take(TRIES) {
-        let found = reach(arm, log, &place.placement)?;
-        if found.blocked.is_none() && found.timing.is_some() {
-            return Ok(found);
-        }
-        first = first.or(Some(found));
-    }
-    if let Some(found) = first {
-        return Ok(found);
-    }
-    // Nowhere: the place at half a metre or more that is nearest to the path tells why.
-    let tip = log.samples[0].command.pose.position();
-    let distance = |place: &Place| {
-        let p = place.placement.base.position();
-        ((p.x - tip.x).hypot(p.y - tip.y) - 0.5).abs()
-    };
-    let free = places.iter().filter(|place| !place.on_cloth);
-    let near = free.min_by(|a, b| distance(a).total_cmp(&distance(b)));
-    let near = near.context("every place of the search is on the cloth; give a --base")?;
-    Ok(reach(arm, log, &near.placement)?)
 }
 
 // ---- The report
