@@ -41,6 +41,7 @@ pub struct Place {
 pub fn search(arm: &Arm, log: &Log, height: f64, table: f64) -> Result<Vec<Place>, Error> {
     check(log)?;
     check_arm(arm)?;
+    Placement::new([0.0; 4], table)?;
     Placement::new([0.0, 0.0, height, 0.0], table)?;
     let home = home(arm);
     let mut ruler = Ruler::new(arm, table - height);
@@ -108,8 +109,8 @@ const LOOKED_AT: usize = 12;
 
 /// The report for the best of the places that [`search`] has tried: of those with the highest scores
 /// the one where the log's movement can be fastest, since that is where the joints have least to do.
-/// Without any, what is in the way at a place about half a metre from the first row. None when all
-/// places are on the cloth.
+/// Without any, what is in the way at a place about half a metre from the first row where something
+/// else is possible. None when all places are on the cloth.
 ///
 /// # Errors
 /// As [`reach`](crate::reach()).
@@ -133,16 +134,36 @@ pub fn best<'a>(arm: &'a Arm, log: &Log, places: &[Place]) -> Result<Option<Reac
             None => blocked = blocked.or(Some(report)),
         }
     }
-    if let Some(report) = found.map(|(_, report)| report).or(blocked) {
+    if let Some((_, report)) = found {
         return Ok(Some(report));
     }
+    if blocked.is_some() {
+        return Ok(blocked);
+    }
+    // Nowhere: of the places about half a metre from the first row, the first with something to offer.
     let tip = log.samples[0].command.pose.position();
     let distance = |place: &Place| {
         let p = place.placement.base.position();
         ((p.x - tip.x).hypot(p.y - tip.y) - 0.5).abs()
     };
-    let free = places.iter().filter(|place| !place.on_cloth);
-    let near = free.min_by(|a, b| distance(a).total_cmp(&distance(b)));
-    near.map(|place| reach(arm, log, &place.placement))
-        .transpose()
+    let mut free: Vec<&Place> = places.iter().filter(|place| !place.on_cloth).collect();
+    free.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+    for place in free.into_iter().take(LOOKED_AT) {
+        for flip in [false, true] {
+            let placement = Placement {
+                flip,
+                ..place.placement
+            };
+            let report = reach(arm, log, &placement)?;
+            let offers = !report.offers.is_empty();
+            blocked = match blocked {
+                Some(before) if !offers => Some(before),
+                _ => Some(report),
+            };
+            if offers {
+                return Ok(blocked);
+            }
+        }
+    }
+    Ok(blocked)
 }
