@@ -35,6 +35,6 @@ pub use numeric::{NumericSolution, TOLERANCE};
 pub use placement::Placement;
 pub use rates::{Rates, Window};
 pub use reach::{Blocked, Offer, Part, Posture, Reach, Row, home, joint_path, reach};
-pub use search::{PLACES, Place, SPACING, best, search};
+pub use search::{PLACES, Place, SPACING, best, either, search};
 pub use task::LIFT;
 pub use timing::{TICK, Usage, slow_down, usage};

@@ -335,7 +335,7 @@ pub(crate) fn follow(
 
 /// The worst of a chain of postures that a coarse look finds: least distance of a joint from its
 /// limits, or four times the smallest singular value where that is less, or for a Franka 1.5 times the
-/// sine of `q2`, 0 where it changes its sign. None without a chain.
+/// sine of `q2` or the cosine of `q5`, 0 where one changes its sign. None without a chain.
 pub(crate) fn quality(
     ruler: &mut Ruler<'_>,
     stations: &[Station],
@@ -351,10 +351,12 @@ pub(crate) fn quality(
     if let (Ok(home), true) = (<&[f64; 7]>::try_from(home), arm.geometry().is_some()) {
         let chain = route::chain(ruler, stations, home)?;
         return Ok(chain.map(|chain| {
-            let changes = chain.windows(2).any(|pair| pair[0][1] * pair[1][1] < 0.0);
-            let upright = |q: &[f64; 7]| 1.5 * q[1].sin().abs();
-            let start = if changes { 0.0 } else { f64::INFINITY };
-            let all = chain.iter().map(|q| worst(q).min(upright(q)));
+            let whirls = chain
+                .windows(2)
+                .any(|pair| route::whirl(&pair[0], &pair[1]) > 0.0);
+            let apart = |q: &[f64; 7]| 1.5 * q[1].sin().abs().min(q[4].cos().abs());
+            let start = if whirls { 0.0 } else { f64::INFINITY };
+            let all = chain.iter().map(|q| worst(q).min(apart(q)));
             all.fold(start, f64::min)
         }));
     }

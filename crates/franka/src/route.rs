@@ -3,7 +3,7 @@
 //! A Franka has one joint more than a pose has numbers. Given `q7` the exact inverse has up to eight
 //! branches, so at each pose the choice is a number and a branch. Dynamic programming (Bellman 1957)
 //! on the graph of (path parameter u, q7, branch) finds the best continuous choice at some knots:
-//! least `sum |dq| + du sum_j (W / margin_j)^2` over chains whose links turn no joint by more than a
+//! least `sum |dq| + du (sum_j (W / margin_j)^2 + (W / sin q2)^2 + (W / cos q5)^2)` over chains whose links turn no joint by more than a
 //! bound. The chain is then searched again among values of `q7` near the last ones, in ever smaller
 //! steps, with `|dq|^2 / du` for `|dq|`. Then `q7(u)` is smoothed (Whittaker 1923: least
 //! `sum (x - q7)^2 + lambda sum (second difference of x)^2`), every pose is solved exactly with the
@@ -22,10 +22,11 @@ use crate::{Arm, Error};
 const BARRIER: f64 = 0.25;
 /// Weight of the length of the way in joint space, on the coarse graph.
 const LENGTH: f64 = 2.0;
-/// Weight of the sine of `q2`: where the upper arm stands on the axis of joint 1, joints 1 and 3 turn
-/// the arm alike, and with `q7` given they whirl.
-const UPRIGHT: f64 = 0.12;
-/// Cost of a link on which `q2` changes its sign.
+/// Weight of the sine of `q2` and the cosine of `q5`. Where the upper arm stands on the axis of
+/// joint 1, joints 1 and 3 turn the arm alike; where joint 5 is at a quarter turn two branches meet.
+/// Near both the other joints whirl when `q7` is given.
+const SINGULAR: f64 = 0.12;
+/// Cost of a link on which one of them changes its sign.
 const WHIRL: f64 = 30.0;
 /// Weight of the distance from home at both ends.
 const HOMING: f64 = 0.2;
@@ -33,13 +34,15 @@ const HOMING: f64 = 0.2;
 const LINK: f64 = 0.9;
 /// How far it may turn from one pose to the next [rad].
 const STEP: f64 = 0.25;
+/// Every how many knots are looked at first.
+const STRIDE: usize = 3;
 /// How often the graph is searched again without a link that proved wrong.
 const RETRIES: usize = 12;
 /// Smoothing, tried in this order.
 const LAMBDAS: [f64; 4] = [30.0, 3.0, 0.3, 0.0];
 /// Values of `q7` to either side, and the steps between them [rad], when a chain is refined.
 const BESIDE: i32 = 5;
-const FINER: [f64; 5] = [0.06, 0.03, 0.015, 0.006, 0.002];
+const FINER: [f64; 5] = [0.1, 0.05, 0.02, 0.01, 0.004];
 /// A rotation of a radian is as long as this [m].
 const LEVER: f64 = 0.2;
 
@@ -126,6 +129,18 @@ pub(crate) fn route(
             }
         },
     };
+    // A chain by squares, if what lies between its knots is as good as they are
+    if let Some(picks) = graph.stride()
+        && let Some(choice) = between(ruler.arm(), stations, &u, &knots, &picks)?
+    {
+        let finer = finer(ruler.arm(), stations, &graph.steps, &knots, &choice, home)?;
+        for lambda in LAMBDAS {
+            if let Ok(path) = follow(ruler, stations, &u, &knots, &finer, lambda)? {
+                return Ok(Ok(path));
+            }
+        }
+    }
+    // Every knot by the length of the way
     let mut stop = None;
     for _ in 0..RETRIES {
         let chain = match graph.search() {
@@ -263,8 +278,9 @@ impl Node {
             let share = BARRIER / joint.limits.margin(*q);
             share * share
         };
-        let upright = UPRIGHT / q[1].sin().abs().max(1e-3);
-        let barriers = 0.5 * span * (margins.map(barrier).sum::<f64>() + upright * upright);
+        let whirls = [q[1].sin(), q[4].cos()].map(|x| (SINGULAR / x.abs().max(1e-3)).powi(2));
+        let limits = margins.map(barrier).sum::<f64>();
+        let barriers = 0.5 * span * (limits + whirls[0] + whirls[1]);
         let cost = barriers + home.map_or(0.0, |home| HOMING * squared(&q, home));
         Self {
             q,
@@ -369,6 +385,49 @@ impl Graph {
         Ok(chain)
     }
 
+    /// The best chain over every `STRIDE`-th knot by squares of steps, which the grid is fine enough
+    /// for at that distance. What lies between is not looked at.
+    fn stride(&mut self) -> Option<Vec<(usize, Joints)>> {
+        let last = self.starts.len() - 2;
+        let mut picks: Vec<usize> = (0..last).step_by(STRIDE).collect();
+        picks.push(last);
+        for node in &mut self.nodes[..self.starts[1]] {
+            node.best = node.cost;
+        }
+        for pair in picks.windows(2) {
+            let du: f64 = self.steps[pair[0]..pair[1]].iter().sum();
+            let knots = (pair[1] - pair[0]) as f64;
+            let (done, rest) = self.nodes.split_at_mut(self.starts[pair[1]]);
+            let before = self.starts[pair[0]]..self.starts[pair[0] + 1];
+            for node in &mut rest[..self.starts[pair[1] + 1] - self.starts[pair[1]]] {
+                (node.best, node.from) = (f64::INFINITY, usize::MAX);
+                for (a, other) in before.clone().zip(&done[before.clone()]) {
+                    if other.value.abs_diff(node.value) > 2 * self.window
+                        || furthest(&other.q, &node.q).0 > 2.0 * LINK
+                    {
+                        continue;
+                    }
+                    let total = other.best
+                        + knots * node.cost
+                        + squared(&other.q, &node.q) / du.max(1e-9)
+                        + whirl(&other.q, &node.q);
+                    if total < node.best {
+                        (node.best, node.from) = (total, a);
+                    }
+                }
+            }
+        }
+        let ends = self.starts[last]..self.nodes.len();
+        let mut at = ends.min_by(|&a, &b| self.nodes[a].best.total_cmp(&self.nodes[b].best))?;
+        let mut chain = Vec::with_capacity(picks.len());
+        for &pick in picks.iter().rev() {
+            chain.push((pick, self.nodes.get(at)?.q));
+            at = self.nodes[at].from;
+        }
+        chain.reverse();
+        Some(chain)
+    }
+
     fn gap(&self, k: usize) -> (usize, usize, f64) {
         let mut least = (k, 0, f64::INFINITY);
         for a in &self.nodes[self.starts[k - 1]..self.starts[k]] {
@@ -401,8 +460,9 @@ pub(crate) fn fits(ruler: &mut Ruler<'_>, q: &[f64], open: bool) -> bool {
     room(ruler.arm(), q).0 >= 0.0 && ruler.is_clear(q, open, 0.0, OWN_MARGIN)
 }
 
-fn whirl(a: &Joints, b: &Joints) -> f64 {
-    if a[1] * b[1] < 0.0 { WHIRL } else { 0.0 }
+pub(crate) fn whirl(a: &Joints, b: &Joints) -> f64 {
+    let changes = a[1] * b[1] < 0.0 || a[4].cos() * b[4].cos() < 0.0;
+    if changes { WHIRL } else { 0.0 }
 }
 
 fn squared(a: &Joints, b: &Joints) -> f64 {
@@ -418,6 +478,38 @@ pub(crate) fn furthest(a: &[f64], b: &[f64]) -> (f64, usize) {
         }
     }
     worst
+}
+
+/// Postures at all knots from those at some: `q7` on a line between, on the branch that is nearest.
+fn between(
+    arm: &Arm,
+    stations: &[Station],
+    u: &[f64],
+    knots: &[usize],
+    picks: &[(usize, Joints)],
+) -> Result<Option<Vec<Joints>>, Error> {
+    let mut choice: Vec<Joints> = picks.iter().take(1).map(|pick| pick.1).collect();
+    for pair in picks.windows(2) {
+        let [(first, a), (last, b)] = [pair[0], pair[1]];
+        for k in first + 1..last {
+            let at = |k: usize| u[knots[k]];
+            let share = (at(k) - at(first)) / (at(last) - at(first)).max(1e-12);
+            let wanted: Joints = std::array::from_fn(|j| a[j] + share * (b[j] - a[j]));
+            let solutions = arm.inverse(&stations[knots[k]].tip, wanted[6], wanted[0])?;
+            let good = solutions
+                .as_slice()
+                .iter()
+                .filter(|s| s.in_limits)
+                .map(|s| s.q);
+            let near = good.min_by(|a, b| squared(a, &wanted).total_cmp(&squared(b, &wanted)));
+            match near.filter(|q| furthest(q, &wanted).0 < LINK) {
+                Some(q) => choice.push(q),
+                None => return Ok(None),
+            }
+        }
+        choice.push(b);
+    }
+    Ok(Some(choice))
 }
 
 /// The same branch with `q7` chosen more finely: the chain is searched again among values near the

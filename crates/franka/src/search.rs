@@ -104,6 +104,22 @@ pub fn search(arm: &Arm, log: &Log, height: f64, table: f64) -> Result<Vec<Place
     Ok(places)
 }
 
+/// The report for the better turn of the hand at a place: two jaws are the same from both sides. That
+/// is the one where the log's movement can be fastest, and as placed when neither has a path.
+///
+/// # Errors
+/// As [`reach`](crate::reach()).
+pub fn either<'a>(arm: &'a Arm, log: &Log, placement: &Placement) -> Result<Reach<'a>, Error> {
+    let turned = Placement {
+        flip: !placement.flip,
+        ..*placement
+    };
+    let (placed, turned) = (reach(arm, log, placement)?, reach(arm, log, &turned)?);
+    let least = |report: &Reach<'_>| report.timing.as_ref().map_or(f64::INFINITY, |t| t.least);
+    let worse = least(&turned) >= least(&placed);
+    Ok(if worse { placed } else { turned })
+}
+
 /// How many of the places with a path are looked at in full.
 const LOOKED_AT: usize = 12;
 

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
 
 use selvedge_franka::{
-    Arm, Cause, LIMIT_MARGIN, OWN_MARGIN, Offer, Part, Placement, Rates, best, joint_path, reach,
-    search, slow_down, usage,
+    Arm, Cause, LIMIT_MARGIN, OWN_MARGIN, Offer, Part, Placement, Rates, best, either, joint_path,
+    reach, search, slow_down, usage,
 };
 use selvedge_math::{Command, DQuat, DVec3, Jaw, Pose};
 use selvedge_trajectory::log::{Log, Sample};
@@ -101,15 +101,12 @@ fn placement(base: [f64; 4], flip: bool) -> Placement {
     }
 }
 
+/// The better turn of the hand, and the joint positions of each row.
 fn path(log: &Log, base: [f64; 4]) -> (Placement, Vec<f64>) {
     let arm = Arm::fr3();
-    for flip in [false, true] {
-        let placement = placement(base, flip);
-        if let Ok(path) = joint_path(&arm, log, &placement).unwrap() {
-            return (placement, path);
-        }
-    }
-    panic!("no path from {base:?}");
+    let found = either(&arm, log, &placement(base, false)).unwrap();
+    let path = joint_path(&arm, log, &found.placement).unwrap();
+    (found.placement, path.unwrap())
 }
 
 /// The maker's capsules: link, ends and radius; and the boxes of a finger, one finger's worth.
@@ -354,7 +351,7 @@ fn timed_motions_violate_nothing() {
         let times: Vec<f64> = fastest.samples.iter().map(|sample| sample.time).collect();
         let used = slow_down(&usage(&arm, &Rates::of(&arm), &times, &rows));
         // The joints are found anew from the poses, on another choice of q7.
-        assert!(used > 0.8 && used < 1.1, "{used}");
+        assert!(used > 0.8 && used < 1.2, "{used}");
         assert!(times[times.len() - 1] < timing.least * 1.1);
         // The smallest slow-down: with it the bounds are just kept, with a little less they are not.
         let times: Vec<f64> = log.samples.iter().map(|sample| sample.time).collect();

@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail, ensure};
 use clap::Parser;
 use selvedge_franka::{
-    Arm, Place, Placement, Posture, Rates, Reach, Usage, best, reach, search, slow_down,
+    Arm, Place, Placement, Posture, Rates, Reach, Usage, best, either, search, slow_down,
 };
 use selvedge_trajectory::log::{self, Log};
 use serde_json::{Value, json};
@@ -91,19 +91,7 @@ fn run(arguments: &Arguments) -> Result<bool> {
     let mut places = Vec::new();
     let found = if let (Some(base), false) = (given, arguments.search_base) {
         let placement = Placement::new(base, arguments.table)?;
-        let as_logged = reach(&arm, &log, &placement).with_context(|| name.clone())?;
-        let flip = Placement {
-            flip: true,
-            ..placement
-        };
-        // Two jaws are the same from both sides.
-        match as_logged.blocked {
-            None => as_logged,
-            Some(_) => match reach(&arm, &log, &flip).with_context(|| name.clone())? {
-                turned if turned.blocked.is_none() => turned,
-                _ => as_logged,
-            },
-        }
+        either(&arm, &log, &placement).with_context(|| name.clone())?
     } else {
         let height = given.map_or(arguments.table, |base| base[2]);
         let all = search(&arm, &log, height, arguments.table).with_context(|| name.clone())?;
