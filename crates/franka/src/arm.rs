@@ -472,3 +472,98 @@ fn limits(joint: &urdf_rs::Joint, kind: JointKind) -> Result<Limits, String> {
         effort,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The maker's own expansion is not kept here; with its folder in
+    /// `SELVEDGE_FRANKA_DESCRIPTION` inertias and collision shapes are compared number by number.
+    /// Shapes are on links of their own there (`*_sc`), rounder by a safety distance of 30 mm.
+    #[test]
+    fn bodies_and_inertias_are_the_makers() {
+        let Some(folder) = std::env::var_os("SELVEDGE_FRANKA_DESCRIPTION") else {
+            println!("skipped: SELVEDGE_FRANKA_DESCRIPTION is not set");
+            return;
+        };
+        const SAFETY: f64 = 0.03;
+        for (name, ours) in [
+            ("fr3", include_str!("../../../fixtures/franka/fr3.urdf")),
+            ("fer", include_str!("../../../fixtures/franka/fer.urdf")),
+        ] {
+            let path = Path::new(&folder).join(format!("{name}.urdf"));
+            let theirs = std::fs::read_to_string(path).unwrap();
+            let [ours, theirs] = [ours, &theirs].map(|text| {
+                let ends = [format!("{name}_link0"), format!("{name}_hand_tcp")];
+                let arm = Arm::from_urdf(text, &ends[0], &ends[1]).unwrap();
+                (urdf_rs::read_from_string(text).unwrap(), arm.bodies)
+            });
+            // Bodies, in the order of the links
+            let link = |body: &Body| body.link.trim_end_matches("_sc").to_owned();
+            let of = |bodies: &[Body], name: &str| {
+                let of_link = bodies.iter().filter(|body| link(body) == name);
+                of_link.cloned().collect::<Vec<_>>()
+            };
+            let names: Vec<String> = ours.1.iter().map(link).collect();
+            assert_eq!(ours.1.len(), theirs.1.len());
+            for name in &names {
+                let pairs = of(&ours.1, name).into_iter().zip(of(&theirs.1, name));
+                assert_eq!(of(&ours.1, name).len(), of(&theirs.1, name).len(), "{name}");
+                for (a, b) in pairs {
+                    assert_eq!(a.joints, b.joints);
+                    for pair in a.solids.into_iter().zip(b.solids) {
+                        match pair {
+                            (
+                                Solid::Capsule { ends: p, radius: r },
+                                Solid::Capsule { ends: q, radius: s },
+                            ) => {
+                                let same = p[0].distance(q[0]) + p[1].distance(q[1]);
+                                let turned = p[0].distance(q[1]) + p[1].distance(q[0]);
+                                assert!(same.min(turned) < 1e-9, "{name} {p:?} {q:?}");
+                                assert!((r + SAFETY - s).abs() < 1e-12, "{name}");
+                            }
+                            (
+                                Solid::Box {
+                                    centre: c,
+                                    halves: h,
+                                },
+                                Solid::Box {
+                                    centre: d,
+                                    halves: g,
+                                },
+                            ) => {
+                                assert!(c.distance(d) < 1e-12, "{name}");
+                                // Half edges may point either way.
+                                for (a, b) in [
+                                    (h.x_axis, g.x_axis),
+                                    (h.y_axis, g.y_axis),
+                                    (h.z_axis, g.z_axis),
+                                ] {
+                                    let apart = a.distance(b).min(a.distance(-b));
+                                    assert!(apart < 1e-12, "{name} {a} {b}");
+                                }
+                            }
+                            pair => panic!("{name}: {pair:?}"),
+                        }
+                    }
+                }
+            }
+            // Inertias
+            let mut compared = 0;
+            for link in &ours.0.links {
+                let mut others = theirs.0.links.iter();
+                let other = others.find(|other| other.name == link.name).unwrap();
+                let numbers = |link: &urdf_rs::Link| {
+                    let (i, at) = (&link.inertial.inertia, &link.inertial.origin);
+                    let [x, y, z] = *at.xyz;
+                    let mass = link.inertial.mass.value;
+                    [mass, x, y, z, i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz]
+                };
+                assert_eq!(numbers(link), numbers(other), "{}", link.name);
+                assert_eq!(*link.inertial.origin.rpy, [0.0; 3]);
+                compared += usize::from(numbers(link)[0] > 0.0);
+            }
+            assert_eq!(compared, 11, "{name}");
+        }
+    }
+}

@@ -17,10 +17,10 @@ pub(crate) struct Body {
     pub(crate) envelope: bool,
 }
 
-/// Marks bodies of the last link that stand for its fingers as a whole: those that hold the middle
-/// of a fingertip, the body furthest from the link's frame among those that the jaws move. FR3's
-/// hand has one, which is rounded 7 mm further out than the fingertips: next to a table the fingers'
-/// own boxes say more.
+/// Marks the body of the last link that stands for its fingers as a whole: the one about the middle
+/// of a fingertip, which is the body furthest from the link's frame among those that the jaws move.
+/// FR3's hand has one, rounded 7 mm further out than the fingertips: next to a table the fingers' own
+/// boxes say more.
 pub(crate) fn mark_envelopes(bodies: &mut [Body]) {
     let far = |body: &&Body| body.solids[0].ball().0.length();
     let moves = |body: &&Body| body.solids[0] != body.solids[1];
@@ -30,15 +30,23 @@ pub(crate) fn mark_envelopes(bodies: &mut [Body]) {
     };
     let (joints, link) = (tip.joints, tip.link.clone());
     let middles = tip.solids.map(|solid| solid.ball().0);
-    for body in bodies {
-        if let Solid::Capsule { ends, radius } = body.solids[0] {
-            let along = ends[1] - ends[0];
-            let holds = |p: &DVec3| {
-                let share = (*p - ends[0]).dot(along) / along.length_squared().max(1e-12);
-                p.distance(ends[0] + share.clamp(0.0, 1.0) * along) < radius
-            };
-            body.envelope = body.joints == joints && body.link != link && middles.iter().all(holds);
-        }
+    // How far the middles are from the axis of a body that holds them, at most.
+    let holds = |body: &Body| {
+        let Solid::Capsule { ends, radius } = body.solids[0] else {
+            return None;
+        };
+        let along = ends[1] - ends[0];
+        let off = middles.map(|p| {
+            let share = (p - ends[0]).dot(along) / along.length_squared().max(1e-12);
+            p.distance(ends[0] + share.clamp(0.0, 1.0) * along)
+        });
+        let off = off[0].max(off[1]);
+        (body.joints == joints && body.link != link && off < radius).then_some(off)
+    };
+    let held = bodies.iter().enumerate();
+    let held = held.filter_map(|(k, body)| Some((holds(body)?, k)));
+    if let Some((_, k)) = held.min_by(|a, b| a.0.total_cmp(&b.0)) {
+        bodies[k].envelope = true;
     }
 }
 

@@ -20,6 +20,8 @@ use crate::{Arm, Rates};
 const GRID: usize = 400;
 /// Points of the average on either side of the middle.
 const TAPS: usize = 16;
+/// A law that takes longer is none [s].
+const LONGEST: f64 = 1000.0;
 /// How often a law is made slower before it is given up.
 const ROUNDS: usize = 30;
 
@@ -150,7 +152,7 @@ pub(crate) fn fastest(arm: &Arm, rates: &Rates, path: &Spline, period: f64) -> O
         if slower <= 1.0 {
             return Some(law);
         }
-        if !slower.is_finite() {
+        if !slower.is_finite() || law.duration() > LONGEST {
             return None;
         }
         let duration = law.duration() * (slower * (1.0 + 1e-6)).min(2.0);
@@ -235,9 +237,9 @@ fn points(arm: &Arm, rates: &Rates, path: &Spline, u: &[f64]) -> Vec<Point> {
             largest: f64::MAX,
             ..Point::default()
         };
-        for j in 0..n {
-            let (first, second) = (at[1][j], at[2][j]);
-            let [down, up] = rates.velocity(j, at[0][j]);
+        let [q, firsts, seconds, _] = &at;
+        for (j, ((&q, &first), &second)) in q.iter().zip(firsts).zip(seconds).enumerate() {
+            let [down, up] = rates.velocity(j, q);
             let mut speed = if first < 0.0 { -down } else { up };
             let mut bound = rates.joints[j][1];
             if arm.geometry().is_some() && j == 2 {

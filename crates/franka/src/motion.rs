@@ -11,6 +11,8 @@ use crate::{Arm, Placement, Rates, Usage, task};
 
 /// Rows of a moving part that the path's spline goes through, about.
 const KNOTS: usize = 200;
+/// A motion that must take more times as long than this is none.
+const SLOWEST: f64 = 100.0;
 /// Poses of a straight line in joint space.
 const LINE: usize = 5;
 
@@ -75,7 +77,7 @@ impl Path<'_> {
         &self.q[k * n..(k + 1) * n]
     }
 
-    /// None where a velocity bound is zero on the way, so that no law can pass.
+    /// None where a velocity bound is zero on the way, or where it must take [`SLOWEST`] times as long.
     pub(crate) fn timing(&self, rates: &Rates) -> Option<Timing> {
         let samples = &self.log.samples;
         let times: Vec<f64> = samples.iter().map(|sample| sample.time).collect();
@@ -87,7 +89,7 @@ impl Path<'_> {
             .collect();
         let commanded = usage(self.arm, rates, &times, &rows);
         let slower = slow_down(&commanded).max(1.0);
-        if !slower.is_finite() {
+        if slower.is_nan() || slower > SLOWEST {
             return None;
         }
         let period = period(&times);
@@ -230,7 +232,7 @@ impl Path<'_> {
             if whole <= 1.0 {
                 return Some(motion);
             }
-            if !whole.is_finite() {
+            if whole.is_nan() || whole > SLOWEST {
                 return None;
             }
             for time in &mut motion.times {

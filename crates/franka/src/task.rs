@@ -13,6 +13,9 @@ pub const LIFT: f64 = 0.12;
 const LIFT_STEPS: usize = 12;
 /// Rows of a log are no further apart than this [m] and [rad].
 const JUMP: (f64, f64) = (0.1, 0.5);
+/// How long a log and how short a step of it may be [s].
+const LONGEST: f64 = 600.0;
+const SHORTEST: f64 = 1e-4;
 /// Poses nearer than this are one [m] and [rad].
 const SAME: (f64, f64) = (1e-9, 1e-9);
 
@@ -104,9 +107,18 @@ pub(crate) fn check(log: &Log) -> Result<(), Error> {
         let Some(before) = k.checked_sub(1).map(|k| log.samples[k]) else {
             continue;
         };
+        if sample.time - log.samples[0].time > LONGEST {
+            let bound = "within 600 s of the first (is it in milliseconds?)";
+            return Err(Error::value(row(), "t", sample.time, bound));
+        }
         if sample.time <= before.time {
             let value = format!("{} after {}", sample.time, before.time);
             let bound = "larger than the one before";
+            return Err(Error::value(row(), "t", value, bound));
+        }
+        if sample.time - before.time < SHORTEST {
+            let value = format!("{} after {}", sample.time, before.time);
+            let bound = "0.1 ms after the one before at least";
             return Err(Error::value(row(), "t", value, bound));
         }
         let moved = pose.position().distance(before.command.pose.position());

@@ -124,7 +124,16 @@ pub fn usage(arm: &Arm, rates: &Rates, times: &[f64], q: &[f64]) -> Vec<Usage> {
 /// What was worst so far: positions, joints, tip, tip's rotation, elbow.
 #[derive(Default)]
 struct Worst {
-    kinds: [Option<(f64, usize, f64, f64, f64)>; 13],
+    kinds: [Option<Seen>; 13],
+}
+
+#[derive(Clone, Copy)]
+struct Seen {
+    ratio: f64,
+    joint: usize,
+    time: f64,
+    value: f64,
+    limit: f64,
 }
 
 const KINDS: [(&str, u32); 13] = [
@@ -146,15 +155,27 @@ const KINDS: [(&str, u32); 13] = [
 impl Worst {
     fn see(&mut self, kind: usize, joint: usize, time: f64, value: f64, limit: f64) {
         let ratio = value / limit;
-        if self.kinds[kind].is_none_or(|worst| ratio > worst.0) {
-            self.kinds[kind] = Some((ratio, joint, time, value, limit));
+        if self.kinds[kind].is_none_or(|worst| ratio > worst.ratio) {
+            self.kinds[kind] = Some(Seen {
+                ratio,
+                joint,
+                time,
+                value,
+                limit,
+            });
         }
     }
 
     fn told(&self, arm: &Arm) -> Vec<Usage> {
         let kinds = self.kinds.iter().zip(KINDS);
         let told = kinds.filter_map(|(worst, (name, order))| {
-            let (_, joint, time, value, limit) = (*worst)?;
+            let Seen {
+                joint,
+                time,
+                value,
+                limit,
+                ..
+            } = (*worst)?;
             let bound = match name.contains(' ') {
                 true => name.to_owned(),
                 false => format!("{name} of {}", arm.joints()[joint].name),

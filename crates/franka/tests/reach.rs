@@ -194,11 +194,10 @@ fn a_path_keeps_what_it_must() {
             let told = arm.clearance(q, false, 0.0);
             // Height: all capsules but base, first link and the one around the fingers.
             let mut lowest = f64::INFINITY;
-            for capsule in 2..11 {
-                let down = axis(&arm, q, capsule)
-                    .iter()
-                    .fold(f64::INFINITY, |z, p| z.min(p.z));
-                lowest = lowest.min(down - CAPSULES[capsule].3);
+            for (capsule, (.., radius)) in CAPSULES.iter().enumerate().take(11).skip(2) {
+                let points = axis(&arm, q, capsule);
+                let down = points.iter().fold(f64::INFINITY, |z, p| z.min(p.z));
+                lowest = lowest.min(down - radius);
             }
             lowest = fingers(&arm, q).iter().fold(lowest, |z, p| z.min(p.z));
             assert!(lowest >= 0.0);
@@ -210,14 +209,14 @@ fn a_path_keeps_what_it_must() {
                 link => link[8..].parse::<usize>().unwrap(),
             };
             let mut nearest = f64::INFINITY;
-            for a in 0..CAPSULES.len() {
-                for b in a + 1..CAPSULES.len() {
+            for (a, (.., r)) in CAPSULES.iter().enumerate() {
+                for (b, (.., s)) in CAPSULES.iter().enumerate().skip(a + 1) {
                     if number(b).abs_diff(number(a)) < 3 {
                         continue;
                     }
                     for p in axis(&arm, q, a) {
-                        for r in axis(&arm, q, b) {
-                            nearest = nearest.min(p.distance(r) - CAPSULES[a].3 - CAPSULES[b].3);
+                        for x in axis(&arm, q, b) {
+                            nearest = nearest.min(p.distance(x) - r - s);
                         }
                     }
                 }
@@ -292,7 +291,7 @@ fn assert_within(arm: &Arm, times: &[f64], rows: &[f64], slack: f64) {
     let tips: Vec<Pose> = q.iter().map(|q| arm.forward(q)).collect();
     let mut last: Option<[DVec3; 2]> = None;
     for k in 3..q.len() {
-        for j in 0..7 {
+        for (j, bounds) in rates.joints.iter().enumerate() {
             let [a, b, c, d] = [0, 1, 2, 3].map(|m| q[k - m][j]);
             let v = (a - b) / DT;
             let acceleration = (a - 2.0 * b + c) / (DT * DT);
@@ -300,13 +299,10 @@ fn assert_within(arm: &Arm, times: &[f64], rows: &[f64], slack: f64) {
             let [low, high] = rates.velocity(j, a);
             assert!(v >= low * slack && v <= high * slack, "v{j} {v}");
             assert!(
-                acceleration.abs() <= rates.joints[j][1] * slack,
+                acceleration.abs() <= bounds[1] * slack,
                 "a{j} {acceleration}"
             );
-            assert!(
-                jerk.abs() <= rates.joints[j][2] * slack + 1.0,
-                "j{j} {jerk}"
-            );
+            assert!(jerk.abs() <= bounds[2] * slack + 1.0, "j{j} {jerk}");
         }
         let v = (tips[k].position() - tips[k - 1].position()) / DT;
         let turn = tips[k].rotation() * tips[k - 1].rotation().conjugate();
@@ -581,6 +577,14 @@ fn a_log_that_no_arm_should_follow_is_refused() {
         (
             refusal(&|log| log.samples[9].time = f64::INFINITY),
             "row 10 (t = inf s): t is inf",
+        ),
+        (
+            refusal(&|log| log.samples.iter_mut().for_each(|sample| sample.time *= 1e3)),
+            "must be within 600 s of the first (is it in milliseconds?)",
+        ),
+        (
+            refusal(&|log| log.samples[9].time = log.samples[8].time + 1e-9),
+            "must be 0.1 ms after the one before at least",
         ),
         (
             refusal(&|log| {

@@ -213,7 +213,9 @@ fn report(arm: &Arm, found: &Reach<'_>, places: &[Place]) {
         );
     }
     let Some(timing) = &found.timing else {
-        println!("timing   a velocity bound is zero somewhere on the path: no timing is possible");
+        println!(
+            "timing   none: a velocity bound is zero on the path, or 100 times as long is not enough"
+        );
         return;
     };
     let tightest = timing
