@@ -386,6 +386,8 @@ fn posture<'a>(ruler: &mut Ruler<'a>, q: &[f64], open: bool) -> Posture<'a> {
 
 /// Steps of a share when a rotation is scaled back, and of a height [m].
 const SHARES: usize = 36;
+/// A smaller rotation is not worth an offer [rad].
+const LEAST_TURN: f64 = 0.09;
 const HEIGHT: f64 = 0.01;
 const HEIGHTS: usize = 40;
 
@@ -424,6 +426,9 @@ fn offers(
     if asked > 0.02 {
         for k in (0..SHARES).rev() {
             let share = k as f64 / SHARES as f64;
+            if 0.0 < share * asked && share * asked < LEAST_TURN {
+                continue;
+            }
             if possible(&|pose| turned(pose, first.rotation(), share * progress(pose)))? {
                 let possible = share * asked;
                 offers.push(Offer::Turn { asked, possible });
@@ -448,6 +453,9 @@ fn offers(
         };
         for k in (1..=SHARES).rev() {
             let share = k as f64 / SHARES as f64;
+            if share * asked < LEAST_TURN {
+                break;
+            }
             if possible(&|pose| symmetric(pose, share, 0.0))? {
                 offers.push(Offer::Symmetric {
                     asked,

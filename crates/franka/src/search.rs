@@ -120,6 +120,8 @@ pub fn either<'a>(arm: &'a Arm, log: &Log, placement: &Placement) -> Result<Reac
     Ok(if worse { placed } else { turned })
 }
 
+/// Places with less than this share of the best score are left out as long as others have a path.
+const GOOD: f64 = 0.7;
 /// How many of the places with a path are looked at in full.
 const LOOKED_AT: usize = 12;
 
@@ -136,9 +138,11 @@ pub fn best<'a>(arm: &'a Arm, log: &Log, places: &[Place]) -> Result<Option<Reac
     ranked.retain(|place| place.score.is_some());
     // Stable, so that equal ones stay in the order they were tried.
     ranked.sort_by(|a, b| b.score.unwrap_or(0.0).total_cmp(&a.score.unwrap_or(0.0)));
+    let enough = GOOD * ranked.first().and_then(|place| place.score).unwrap_or(0.0);
     let (mut found, mut blocked): (Option<(f64, Reach<'a>)>, _) = (None, None);
     for (number, place) in ranked.iter().enumerate() {
-        if number >= LOOKED_AT && (found.is_some() || number >= 4 * LOOKED_AT) {
+        let is_good = number < LOOKED_AT && place.score >= Some(enough);
+        if number >= 4 * LOOKED_AT || (found.is_some() && !is_good) {
             break;
         }
         let report = reach(arm, log, &place.placement)?;
