@@ -14,6 +14,7 @@ use selvedge_folding::{
 };
 
 use crate::progress::Progress;
+use crate::reach::{self, Robot};
 use crate::workspace;
 
 #[derive(clap::Args)]
@@ -40,6 +41,9 @@ pub(crate) struct Arguments {
     /// Folds that run at the same time [default: the number of processors].
     #[arg(long, value_name = "N")]
     jobs: Option<std::num::NonZeroUsize>,
+    /// Look for a base from which this arm can do the folds, and add what is found to the table.
+    #[arg(long, value_enum)]
+    robot: Option<Robot>,
     /// Go on with an interrupted run: folds whose inputs are the same are not run again.
     #[arg(long)]
     resume: bool,
@@ -148,6 +152,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         exports: arguments.exports(),
         command: command(std::env::args().skip(1)),
     };
+    // Of an earlier experiment, as its other files.
+    std::fs::remove_file(options.out.join(reach::FILE)).ok();
     ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)).context("Ctrl-C")?;
 
     let start = Instant::now();
@@ -163,6 +169,11 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     match result {
         Ok(result) => {
             report(&result, &expected, &options, start, arguments.quiet);
+            // The commands are the same for each solver.
+            if let (Some(robot), Some(solver)) = (arguments.robot, options.solvers.first()) {
+                let folder = options.out.join(solver.name());
+                reach::run(robot, &scenario, &options.cases, &folder, &options.out)?;
+            }
             Ok(ExitCode::from(if result.complete() { 0 } else { 2 }))
         }
         Err(Error::Stopped) => {

@@ -10,6 +10,7 @@ mod experiments;
 mod export;
 mod layers;
 mod progress;
+mod reach;
 mod report;
 mod scenes;
 mod show;

@@ -47,8 +47,9 @@ impl Law {
     }
 
     /// The same law, taking so long [s].
-    fn lasting(&mut self, duration: f64) {
+    pub(crate) fn lasting(mut self, duration: f64) -> Self {
         self.factor = (duration - 2.0 * self.half) / self.profile.t[GRID];
+        self
     }
 
     /// Where on the path it is at time `t` from its start.
@@ -140,7 +141,7 @@ pub(crate) fn fastest(arm: &Arm, rates: &Rates, path: &Spline, period: f64) -> O
     let (mut times, mut rows, mut row) = (Vec::new(), Vec::new(), vec![0.0; n]);
     for _ in 0..ROUNDS {
         let count = (law.duration() / period - 1e-9).ceil().max(2.0);
-        law.lasting(count * period);
+        law = law.lasting(count * period);
         times.clear();
         rows.clear();
         for k in 0..=count as usize {
@@ -156,7 +157,7 @@ pub(crate) fn fastest(arm: &Arm, rates: &Rates, path: &Spline, period: f64) -> O
             return None;
         }
         let duration = law.duration() * (slower * (1.0 + 1e-6)).min(2.0);
-        law.lasting(duration);
+        law = law.lasting(duration);
     }
     None
 }

@@ -1,9 +1,9 @@
 //! From joint positions along the rows of a log to motions in time.
 
-use selvedge_math::{Command, Pose};
+use selvedge_math::Command;
 use selvedge_trajectory::log::{Log, Sample};
 
-use crate::fastest::{Law, fastest};
+use crate::fastest::{self, Law};
 use crate::route::{Station, lengths};
 use crate::spline::{Ends, Spline};
 use crate::timing::{TICK, slow_down, usage};
@@ -13,6 +13,8 @@ use crate::{Arm, Placement, Rates, Usage, task};
 const KNOTS: usize = 200;
 /// A motion that must take more times as long than this is none.
 const SLOWEST: f64 = 100.0;
+/// A part of the log that is shorter than this does not move [m].
+const STILL: f64 = 1e-7;
 /// Poses of a straight line in joint space.
 const LINE: usize = 5;
 
@@ -39,6 +41,9 @@ impl Motion {
     }
 }
 
+/// First and last row of a part of the log, and its path and law if it moves.
+type Part = (usize, usize, Option<(Spline, Law)>);
+
 /// How a path is timed.
 #[derive(Clone, Debug)]
 pub struct Timing {
@@ -54,6 +59,9 @@ pub struct Timing {
     /// The log with its moving parts as fast as rows at its period can be, at rest where the jaws
     /// act and where the log rests.
     pub fastest: Log,
+    /// Joint positions of its rows, one number a joint for each. From the poses alone another choice
+    /// of the redundant joint may come out, with other needs of time.
+    pub fastest_q: Vec<f64>,
     /// Home, over the cloth, down to the grasp, the log (slower where it must be), up, home.
     pub motion: Motion,
 }
@@ -94,58 +102,90 @@ impl Path<'_> {
         }
         let period = period(&times);
         let (mut least, mut asked) = (0.0, 0.0);
-        let mut fastest_log = Log {
-            samples: Vec::new(),
-            source: format!("{}, as fast as {} allows", self.log.source, self.arm.name()),
-            ..self.log.clone()
-        };
-        let mut time = samples[0].time;
+        let mut laws = Vec::new();
         for (first, last) in parts(self.log) {
-            if task::rests(self.log, first) {
-                for row in first..last {
-                    fastest_log.samples.push(Sample {
-                        time,
-                        ..samples[row]
-                    });
-                    time += samples[row + 1].time - samples[row].time;
+            let stations = &self.stations[self.rows[first]..=self.rows[last]];
+            let length = lengths(stations).last().copied().unwrap_or_default();
+            let law = match task::rests(self.log, first) || length < STILL {
+                true => None,
+                false => {
+                    asked += samples[last].time - samples[first].time;
+                    let path = self.curve(self.rows[first], self.rows[last]);
+                    least += fastest::fastest(self.arm, rates, &path, TICK)?.duration();
+                    let law = fastest::fastest(self.arm, rates, &path, period)?;
+                    Some((path, law))
                 }
-                continue;
-            }
-            asked += samples[last].time - samples[first].time;
-            let path = self.curve(self.rows[first], self.rows[last]);
-            least += fastest(self.arm, rates, &path, TICK)?.duration();
-            let law = fastest(self.arm, rates, &path, period)?;
-            let count = (law.duration() / period).round() as usize;
-            for k in 0..count {
-                // The first row keeps its pose to the bit.
-                let pose = match k {
-                    0 => samples[first].command.pose,
-                    _ => self.gripper(&path, &law, period * k as f64),
-                };
-                let jaw = samples[first].command.jaw;
-                let command = Command { pose, jaw };
-                fastest_log.samples.push(Sample { time, command });
-                time += period;
-            }
+            };
+            laws.push((first, last, law));
         }
-        let end = samples[samples.len() - 1];
-        fastest_log.samples.push(Sample { time, ..end });
-        even(&mut fastest_log.samples, period);
+        // Each part keeps its bounds; the spline through all of them has to as well.
+        let mut stretch = 1.0;
+        let (fastest, fastest_q) = (0..10).find_map(|_| {
+            let (log, rows) = self.retimed(&laws, period, stretch);
+            let times: Vec<f64> = log.samples.iter().map(|sample| sample.time).collect();
+            let whole = slow_down(&usage(self.arm, rates, &times, &rows));
+            stretch *= whole * (1.0 + 1e-6);
+            (whole <= 1.0).then_some((log, rows))
+        })?;
         Some(Timing {
             motion: self.motion(rates, &times, slower, period)?,
             commanded,
             slow_down: slower,
             least,
             asked,
-            fastest: fastest_log,
+            fastest,
+            fastest_q,
         })
     }
 
-    fn gripper(&self, path: &Spline, law: &Law, t: f64) -> Pose {
+    /// The log with its moving parts by their laws, each `stretch` times as long or a little more, and
+    /// the joint positions of its rows.
+    fn retimed(&self, laws: &[Part], period: f64, stretch: f64) -> (Log, Vec<f64>) {
+        let samples = &self.log.samples;
+        let mut log = Log {
+            samples: Vec::new(),
+            source: format!("{}, as fast as {} allows", self.log.source, self.arm.name()),
+            ..self.log.clone()
+        };
+        let mut rows = Vec::new();
+        let mut time = samples[0].time;
         let mut q = vec![0.0; self.arm.joints().len()];
-        path.position(law.at(t), &mut q);
-        let tip = self.arm.forward(&q);
-        self.placement.gripper(&tip, self.log.tip_offset)
+        for (first, last, law) in laws {
+            let Some((path, law)) = law else {
+                for row in *first..*last {
+                    log.samples.push(Sample {
+                        time,
+                        ..samples[row]
+                    });
+                    rows.extend_from_slice(self.station(self.rows[row]));
+                    time += samples[row + 1].time - samples[row].time;
+                }
+                continue;
+            };
+            let count = (law.duration() * stretch / period - 1e-6).ceil();
+            let law = law.clone().lasting(count * period);
+            for k in 0..count as usize {
+                path.position(law.at(period * k as f64), &mut q);
+                // The first row keeps its pose to the bit.
+                let pose = match k {
+                    0 => samples[*first].command.pose,
+                    _ => {
+                        let tip = self.arm.forward(&q);
+                        self.placement.gripper(&tip, self.log.tip_offset)
+                    }
+                };
+                let jaw = samples[*first].command.jaw;
+                let command = Command { pose, jaw };
+                log.samples.push(Sample { time, command });
+                rows.extend_from_slice(&q);
+                time += period;
+            }
+        }
+        let end = samples[samples.len() - 1];
+        log.samples.push(Sample { time, ..end });
+        rows.extend_from_slice(self.station(self.rows[samples.len() - 1]));
+        even(&mut log.samples, period);
+        (log, rows)
     }
 
     /// The joint path through some stations, at distances that a spline can be differentiated at.
@@ -197,7 +237,7 @@ impl Path<'_> {
         };
         let mut q = vec![0.0; n];
         let mut go = |motion: &mut Motion, path: &Spline, closed: bool| {
-            let law = fastest(self.arm, rates, path, period)?;
+            let law = fastest::fastest(self.arm, rates, path, period)?;
             let start = motion.end();
             let count = (law.duration() / period).round() as usize;
             for k in usize::from(!motion.times.is_empty())..=count {

@@ -14,7 +14,7 @@ use crate::track::{misfit, track};
 use crate::{Arm, Error, Placement, Rates, smallest_singular_value};
 
 /// Configurations that are looked at on the way from home and back.
-const LINE_CHECKS: usize = 60;
+const LINE_CHECKS: usize = 200;
 
 /// What is known about a log, an arm and a place of the arm.
 #[derive(Clone, Debug)]

@@ -5,7 +5,6 @@
 #![forbid(unsafe_code)]
 
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -44,7 +43,7 @@ struct Arguments {
     /// Search for the best base; with --base at its height.
     #[arg(long)]
     search_base: bool,
-    /// Write reach.json, joints.csv and retimed.commands.csv into this folder.
+    /// Write reach.json, joints.csv, retimed.commands.csv and retimed.joints.csv into this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -157,7 +156,10 @@ fn report(arm: &Arm, found: &Reach<'_>, places: &[Place]) {
     println!("base     x {x:.3} y {y:.3} z {z:.3} m, yaw {yaw:.4} rad; {hand}");
     if !places.is_empty() {
         let possible = places.iter().filter(|place| place.score.is_some()).count();
-        println!("search   {possible} of {} bases have a path", places.len());
+        println!(
+            "search   {possible} of {} bases look possible",
+            places.len()
+        );
     }
     if let Some(blocked) = &found.blocked {
         println!("INFEASIBLE  {blocked}");
@@ -261,22 +263,35 @@ fn write_files(
     let Some(timing) = &found.timing else {
         return Ok(());
     };
-    let mut text = Vec::new();
-    let n = arm.joints().len();
-    let names: Vec<String> = (1..=n).map(|k| format!("q{k}")).collect();
-    writeln!(text, "t,{},jaw", names.join(","))?;
     let motion = &timing.motion;
-    for (k, time) in motion.times.iter().enumerate() {
-        write!(text, "{time}")?;
-        for q in &motion.q[k * n..(k + 1) * n] {
-            write!(text, ",{q}")?;
-        }
-        writeln!(text, ",{}", u8::from(motion.closed[k]))?;
-    }
-    write_whole(&folder.join("joints.csv"), &text)?;
+    let text = joint_rows(arm, &motion.times, &motion.q, &motion.closed);
+    write_whole(&folder.join("joints.csv"), text.as_bytes())?;
+    let samples = &timing.fastest.samples;
+    let times: Vec<f64> = samples.iter().map(|sample| sample.time).collect();
+    let closed: Vec<bool> = samples.iter().map(|s| s.command.jaw.is_closed()).collect();
+    let text = joint_rows(arm, &times, &timing.fastest_q, &closed);
+    write_whole(&folder.join("retimed.joints.csv"), text.as_bytes())?;
     let mut text = Vec::new();
     log::write(&mut text, &timing.fastest)?;
     write_whole(&folder.join("retimed.commands.csv"), &text)
+}
+
+/// `t,q1,...,jaw`, numbers in the shortest form that reads back to the same bits.
+fn joint_rows(arm: &Arm, times: &[f64], q: &[f64], closed: &[bool]) -> String {
+    let n = arm.joints().len();
+    let mut text = "t".to_owned();
+    for k in 1..=n {
+        text += &format!(",q{k}");
+    }
+    text += ",jaw\n";
+    for ((time, q), closed) in times.iter().zip(q.chunks(n)).zip(closed) {
+        text += &time.to_string();
+        for q in q {
+            text += &format!(",{q}");
+        }
+        text += if *closed { ",1\n" } else { ",0\n" };
+    }
+    text
 }
 
 /// Written beside and renamed, so that the file is whole or not there.
