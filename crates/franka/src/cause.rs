@@ -114,10 +114,13 @@ impl fmt::Display for Cause {
     }
 }
 
-/// Values of `q7` over the whole range of the joint, `LIMIT_MARGIN` inside.
+/// Values of `q7` over the whole range of the joint, [`LIMIT_MARGIN`] inside, one turn at most.
 pub(crate) fn grid(arm: &crate::Arm, count: usize) -> impl Iterator<Item = f64> {
+    // A joint without limits needs one turn.
     let limits = arm.joints()[6].limits;
-    let (lower, upper) = (limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN);
+    let turn = std::f64::consts::PI + LIMIT_MARGIN;
+    let lower = limits.lower.max(-turn) + LIMIT_MARGIN;
+    let upper = limits.upper.min(turn) - LIMIT_MARGIN;
     let step = (upper - lower) / (count - 1) as f64;
     (0..count).map(move |k| (lower + step * k as f64).min(upper))
 }

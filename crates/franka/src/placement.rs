@@ -30,7 +30,7 @@ const MAX_METRES: f64 = 10.0;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// The base in the cloth frame.
+    /// The base in the cloth frame, upright.
     pub base: Pose,
     /// Height of the table in the cloth frame [m].
     pub table: f64,

@@ -323,13 +323,16 @@ impl Graph {
             }
             starts.push(nodes.len());
         }
-        let range = arm.joints()[6].limits;
-        let step = (range.upper - range.lower) / (mesh.values - 1) as f64;
+        let mut values = cause::grid(arm, mesh.values);
+        let step = values
+            .next()
+            .zip(values.next())
+            .map_or(LINK, |(a, b)| (b - a).abs());
         Ok(Ok(Self {
             nodes,
             starts,
             steps: knots.windows(2).map(|k| u[k[1]] - u[k[0]]).collect(),
-            window: (LINK / step).ceil() as usize,
+            window: (LINK / step.max(1e-3)).ceil() as usize,
             forbidden: Vec::new(),
         }))
     }
