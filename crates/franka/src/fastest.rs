@@ -363,6 +363,11 @@ mod tests {
                     v.abs() <= 1.6 + 1e-9 && a.abs() <= 4.0 * 1.02,
                     "{t}: {v} {a}"
                 );
+                if period == TICK {
+                    let [x0, x1, x2, x3] = [0.0, 1.0, 2.0, 3.0].map(|k| q(t + k * TICK));
+                    let jerk = (x3 - 3.0 * x2 + 3.0 * x1 - x0) / TICK.powi(3);
+                    assert!(jerk.abs() <= 1000.0 * 1.02, "{t}: {jerk}");
+                }
                 t += TICK;
             }
             assert!((law.at(law.duration()) - 1.0).abs() < 1e-12 && law.at(0.0) == 0.0);

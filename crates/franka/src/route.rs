@@ -2,40 +2,30 @@
 //!
 //! A Franka has one joint more than a pose has numbers. Given `q7` the exact inverse has up to eight
 //! branches, so at each pose the choice is a number and a branch. Dynamic programming (Bellman 1957)
-//! on the graph of (path parameter u, q7, branch) finds the best continuous choice at some knots:
-//! least `sum |dq| + du (sum_j (W / margin_j)^2 + (W / sin q2)^2 + (W / cos q5)^2)` over chains whose links turn no joint by more than a
-//! bound. The chain is then searched again among values of `q7` near the last ones, in ever smaller
-//! steps, with `|dq|^2 / du` for `|dq|`. Then `q7(u)` is smoothed (Whittaker 1923: least
+//! on the graph of (path parameter u, q7, branch) finds the best continuous choice at some knots,
+//! over chains whose links turn no joint by more than a bound: least
+//! `sum |dq|^2 / du + du (sum_j (W / margin_j)^2 + (S / sin q2)^2 + (S / cos q5)^2)` over every third
+//! knot, and where that leads nowhere over all knots, with `L |dq|` for the first term, since squares of steps
+//! on a grid as coarse as the distance of the knots favour never to step. The chain is then searched
+//! again among values of `q7` near the last ones, in ever smaller steps, by squares.
+//!
+//! `q7(u)` is smoothed (Whittaker 1923: least
 //! `sum (x - q7)^2 + lambda sum (second difference of x)^2`), every pose is solved exactly with the
 //! smoothed value, and whatever that breaks is undone with a smaller lambda, or by forbidding the
 //! link of the graph that led there.
 
 use selvedge_math::Pose;
 
-use crate::cause::{self, Cause, OWN_MARGIN, room};
+use crate::cause::{self, Cause, room};
 use crate::clearance::Ruler;
+use crate::graph::{COARSE, Graph, LINK, Mesh, Node, fits, furthest, possible, squared, whirl};
 use crate::inverse::Joints;
+use crate::smooth::smooth;
 use crate::spline::{Ends, Spline};
 use crate::{Arm, Error};
 
-/// Weight of a joint's distance from its limits [rad].
-const BARRIER: f64 = 0.25;
-/// Weight of the length of the way in joint space, on the coarse graph.
-const LENGTH: f64 = 2.0;
-/// Weight of the sine of `q2` and the cosine of `q5`. Where the upper arm stands on the axis of
-/// joint 1, joints 1 and 3 turn the arm alike; where joint 5 is at a quarter turn two branches meet.
-/// Near both the other joints whirl when `q7` is given.
-const SINGULAR: f64 = 0.12;
-/// Cost of a link on which one of them changes its sign.
-const WHIRL: f64 = 30.0;
-/// Weight of the distance from home at both ends.
-const HOMING: f64 = 0.2;
-/// How far a joint may turn from knot to knot [rad].
-const LINK: f64 = 0.9;
-/// How far it may turn from one pose to the next [rad].
+/// How far a joint may turn from one pose to the next [rad].
 const STEP: f64 = 0.25;
-/// Every how many knots are looked at first.
-const STRIDE: usize = 3;
 /// How often the graph is searched again without a link that proved wrong.
 const RETRIES: usize = 12;
 /// Smoothing, tried in this order.
@@ -45,24 +35,6 @@ const BESIDE: i32 = 5;
 const FINER: [f64; 5] = [0.1, 0.05, 0.02, 0.01, 0.004];
 /// A rotation of a radian is as long as this [m].
 const LEVER: f64 = 0.2;
-
-/// How finely the graph is laid out.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Mesh {
-    pub(crate) knots: usize,
-    pub(crate) values: usize,
-}
-
-/// For a path that is to be followed.
-pub(crate) const FINE: Mesh = Mesh {
-    knots: 40,
-    values: 41,
-};
-/// For a question about feasibility.
-pub(crate) const COARSE: Mesh = Mesh {
-    knots: 17,
-    values: 25,
-};
 
 /// A pose on the way.
 #[derive(Clone, Copy, Debug)]
@@ -250,239 +222,6 @@ pub(crate) fn chain(
     Ok(found.map(|chain| chain.iter().map(|&node| graph.nodes[node].q).collect()))
 }
 
-/// Postures at the knots.
-struct Graph {
-    nodes: Vec<Node>,
-    /// Where each knot's nodes start, and the end of the last.
-    starts: Vec<usize>,
-    /// Parameter from knot to knot.
-    steps: Vec<f64>,
-    window: usize,
-    forbidden: Vec<[usize; 2]>,
-}
-
-struct Node {
-    q: Joints,
-    /// Which value of `q7`.
-    value: usize,
-    cost: f64,
-    best: f64,
-    from: usize,
-}
-
-impl Node {
-    /// `span` is the parameter from the knot before to the knot after.
-    fn new(arm: &Arm, q: Joints, value: usize, span: f64, home: Option<&Joints>) -> Self {
-        let margins = arm.joints().iter().zip(&q);
-        let barrier = |(joint, q): (&crate::Joint, &f64)| {
-            let share = BARRIER / joint.limits.margin(*q);
-            share * share
-        };
-        let whirls = [q[1].sin(), q[4].cos()].map(|x| (SINGULAR / x.abs().max(1e-3)).powi(2));
-        let limits = margins.map(barrier).sum::<f64>();
-        let barriers = 0.5 * span * (limits + whirls[0] + whirls[1]);
-        let cost = barriers + home.map_or(0.0, |home| HOMING * squared(&q, home));
-        Self {
-            q,
-            value,
-            cost,
-            best: cost,
-            from: 0,
-        }
-    }
-}
-
-impl Graph {
-    /// Or the first knot without a posture.
-    fn new(
-        ruler: &mut Ruler<'_>,
-        stations: &[Station],
-        u: &[f64],
-        knots: &[usize],
-        home: &Joints,
-        mesh: Mesh,
-    ) -> Result<Result<Self, usize>, Error> {
-        let arm = ruler.arm();
-        let (mut nodes, mut starts) = (Vec::new(), vec![0]);
-        for (k, &knot) in knots.iter().enumerate() {
-            let station = &stations[knot];
-            let is_end = k == 0 || k + 1 == knots.len();
-            let span = u[knots[(k + 1).min(knots.len() - 1)]] - u[knots[k.saturating_sub(1)]];
-            for (value, q7) in cause::grid(arm, mesh.values).enumerate() {
-                let solutions = arm.inverse(&station.tip, q7, home[0])?;
-                for solution in solutions.as_slice() {
-                    let q = solution.q;
-                    if !solution.in_limits || !fits(ruler, &q, station.open) {
-                        continue;
-                    }
-                    nodes.push(Node::new(arm, q, value, span, is_end.then_some(home)));
-                }
-            }
-            if nodes.len() == starts[k] {
-                return Ok(Err(k));
-            }
-            starts.push(nodes.len());
-        }
-        let mut values = cause::grid(arm, mesh.values);
-        let step = values
-            .next()
-            .zip(values.next())
-            .map_or(LINK, |(a, b)| (b - a).abs());
-        Ok(Ok(Self {
-            nodes,
-            starts,
-            steps: knots.windows(2).map(|k| u[k[1]] - u[k[0]]).collect(),
-            window: (LINK / step.max(1e-3)).ceil() as usize,
-            forbidden: Vec::new(),
-        }))
-    }
-
-    /// The best chain of nodes, or the first knot that none leads to, with the joint that stands
-    /// most in the way and how far it would have to jump.
-    fn search(&mut self) -> Result<Vec<usize>, (usize, usize, f64)> {
-        for node in &mut self.nodes[..self.starts[1]] {
-            node.best = node.cost;
-        }
-        for k in 1..self.starts.len() - 1 {
-            let (done, rest) = self.nodes.split_at_mut(self.starts[k]);
-            let before = self.starts[k - 1];
-            let earlier = &done[before..];
-            let mut any = false;
-            for (n, node) in rest[..self.starts[k + 1] - self.starts[k]]
-                .iter_mut()
-                .enumerate()
-            {
-                let first = earlier.partition_point(|a| a.value + self.window < node.value);
-                (node.best, node.from) = (f64::INFINITY, usize::MAX);
-                for (a, other) in earlier.iter().enumerate().skip(first) {
-                    if other.value > node.value + self.window {
-                        break;
-                    }
-                    if other.best == f64::INFINITY || furthest(&other.q, &node.q).0 > LINK {
-                        continue;
-                    }
-                    // Squares of steps on a coarse grid would favour never to step.
-                    let length = squared(&other.q, &node.q).sqrt();
-                    let total = other.best + node.cost + LENGTH * length + whirl(&other.q, &node.q);
-                    let link = [before + a, self.starts[k] + n];
-                    if total < node.best && !self.forbidden.contains(&link) {
-                        (node.best, node.from) = (total, before + a);
-                        any = true;
-                    }
-                }
-            }
-            if !any {
-                return Err(self.gap(k));
-            }
-        }
-        let last = self.starts[self.starts.len() - 2];
-        let ends = self.nodes[last..].iter().enumerate();
-        let best = ends.min_by(|a, b| a.1.best.total_cmp(&b.1.best));
-        let mut at = last + best.map_or(0, |(k, _)| k);
-        let mut chain = vec![at];
-        while self.nodes[at].from != usize::MAX && at >= self.starts[1] {
-            at = self.nodes[at].from;
-            chain.push(at);
-        }
-        chain.reverse();
-        Ok(chain)
-    }
-
-    /// The best chain over every `STRIDE`-th knot by squares of steps, which the grid is fine enough
-    /// for at that distance. What lies between is not looked at.
-    fn stride(&mut self) -> Option<Vec<(usize, Joints)>> {
-        let last = self.starts.len() - 2;
-        let mut picks: Vec<usize> = (0..last).step_by(STRIDE).collect();
-        picks.push(last);
-        for node in &mut self.nodes[..self.starts[1]] {
-            node.best = node.cost;
-        }
-        for pair in picks.windows(2) {
-            let du: f64 = self.steps[pair[0]..pair[1]].iter().sum();
-            let knots = (pair[1] - pair[0]) as f64;
-            let (done, rest) = self.nodes.split_at_mut(self.starts[pair[1]]);
-            let before = self.starts[pair[0]]..self.starts[pair[0] + 1];
-            for node in &mut rest[..self.starts[pair[1] + 1] - self.starts[pair[1]]] {
-                (node.best, node.from) = (f64::INFINITY, usize::MAX);
-                for (a, other) in before.clone().zip(&done[before.clone()]) {
-                    if other.value.abs_diff(node.value) > 2 * self.window
-                        || furthest(&other.q, &node.q).0 > 2.0 * LINK
-                    {
-                        continue;
-                    }
-                    let total = other.best
-                        + knots * node.cost
-                        + squared(&other.q, &node.q) / du.max(1e-9)
-                        + whirl(&other.q, &node.q);
-                    if total < node.best {
-                        (node.best, node.from) = (total, a);
-                    }
-                }
-            }
-        }
-        let ends = self.starts[last]..self.nodes.len();
-        let mut at = ends.min_by(|&a, &b| self.nodes[a].best.total_cmp(&self.nodes[b].best))?;
-        let mut chain = Vec::with_capacity(picks.len());
-        for &pick in picks.iter().rev() {
-            chain.push((pick, self.nodes.get(at)?.q));
-            at = self.nodes[at].from;
-        }
-        chain.reverse();
-        Some(chain)
-    }
-
-    fn gap(&self, k: usize) -> (usize, usize, f64) {
-        let mut least = (k, 0, f64::INFINITY);
-        for a in &self.nodes[self.starts[k - 1]..self.starts[k]] {
-            for b in &self.nodes[self.starts[k]..self.starts[k + 1]] {
-                let (by, joint) = furthest(&a.q, &b.q);
-                if a.best < f64::INFINITY && by < least.2 {
-                    least = (k, joint, by);
-                }
-            }
-        }
-        least
-    }
-}
-
-fn possible(ruler: &mut Ruler<'_>, station: &Station) -> Result<bool, Error> {
-    let arm = ruler.arm();
-    for q7 in cause::grid(arm, COARSE.values) {
-        let solutions = arm.inverse(&station.tip, q7, 0.0)?;
-        for solution in solutions.as_slice() {
-            if solution.in_limits && fits(ruler, &solution.q, station.open) {
-                return Ok(true);
-            }
-        }
-    }
-    Ok(false)
-}
-
-/// Whether a posture keeps its margins.
-pub(crate) fn fits(ruler: &mut Ruler<'_>, q: &[f64], open: bool) -> bool {
-    room(ruler.arm(), q).0 >= 0.0 && ruler.is_clear(q, open, 0.0, OWN_MARGIN)
-}
-
-pub(crate) fn whirl(a: &Joints, b: &Joints) -> f64 {
-    let changes = a[1] * b[1] < 0.0 || a[4].cos() * b[4].cos() < 0.0;
-    if changes { WHIRL } else { 0.0 }
-}
-
-fn squared(a: &Joints, b: &Joints) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
-}
-
-/// The largest difference of a joint, and which.
-pub(crate) fn furthest(a: &[f64], b: &[f64]) -> (f64, usize) {
-    let mut worst = (0.0, 0);
-    for (k, (a, b)) in a.iter().zip(b).enumerate() {
-        if (a - b).abs() > worst.0 {
-            worst = ((a - b).abs(), k);
-        }
-    }
-    worst
-}
-
 /// Postures at all knots from those at some: `q7` on a line between, on the branch that is nearest.
 fn between(
     arm: &Arm,
@@ -623,80 +362,9 @@ fn follow(
     Ok(Ok(path))
 }
 
-/// Second differences of a function at the places `at`, as weights of three values: differences of
-/// the slopes, times the mean distance of the places.
-fn second_difference(at: &[f64], k: usize) -> [f64; 3] {
-    let mean = (at[at.len() - 1] - at[0]) / (at.len() - 1) as f64;
-    let (before, after) = (mean / (at[k + 1] - at[k]), mean / (at[k + 2] - at[k + 1]));
-    [before, -before - after, after]
-}
-
-/// Solves `(1 + lambda D^T D) x = x0` in place, `D` being second differences: five diagonals,
-/// positive definite, by an `L D L^T` factorisation.
-fn smooth(x: &mut [f64], at: &[f64], lambda: f64) {
-    let n = x.len();
-    if n < 3 || lambda == 0.0 {
-        return;
-    }
-    let mut bands = vec![[1.0, 0.0, 0.0]; n];
-    for k in 0..n - 2 {
-        let weights = second_difference(at, k);
-        for (a, first) in weights.into_iter().enumerate() {
-            for (b, second) in weights.into_iter().enumerate().skip(a) {
-                bands[k + a][b - a] += lambda * first * second;
-            }
-        }
-    }
-    // bands[k] = [pivot, L of the next row, L of the one after].
-    for k in 0..n {
-        let [pivot, near, far] = bands[k];
-        if k + 1 < n {
-            bands[k + 1][0] -= near * near / pivot;
-            bands[k + 1][1] -= near * far / pivot;
-        }
-        if k + 2 < n {
-            bands[k + 2][0] -= far * far / pivot;
-        }
-        bands[k] = [pivot, near / pivot, far / pivot];
-    }
-    for k in 0..n {
-        let value = x[k];
-        for d in 1..=2.min(n - 1 - k) {
-            x[k + d] -= bands[k][d] * value;
-        }
-    }
-    for k in (0..n).rev() {
-        x[k] /= bands[k][0];
-        for d in 1..=2.min(n - 1 - k) {
-            x[k] -= bands[k][d] * x[k + d];
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn smoothing_keeps_lines_and_solves_its_equation() {
-        let at = [0.0, 0.1, 0.3, 0.35, 0.6, 1.0];
-        let mut line = at.map(|u| 0.3 * u - 1.0);
-        let kept = line;
-        smooth(&mut line, &at, 100.0);
-        assert!(line.iter().zip(&kept).all(|(a, b)| (a - b).abs() < 1e-12));
-        let start = [0.0, 1.0, -0.5, 2.0, 0.3, 0.7];
-        let (mut x, lambda) = (start, 3.0);
-        smooth(&mut x, &at, lambda);
-        for k in 0..x.len() {
-            let mut sum = x[k];
-            for m in 0..x.len() - 2 {
-                let weights = second_difference(&at, m);
-                let second: f64 = (0..3).map(|d| weights[d] * x[m + d]).sum();
-                sum += lambda * second * weights.get(k.wrapping_sub(m)).unwrap_or(&0.0);
-            }
-            assert!((sum - start[k]).abs() < 1e-12);
-        }
-    }
 
     #[test]
     fn knots_are_even_and_keep_the_ends() {

@@ -2,7 +2,8 @@
 
 use crate::cause::{Cause, OWN_MARGIN, room};
 use crate::clearance::Ruler;
-use crate::route::{Station, Stop, fits, furthest};
+use crate::graph::{fits, furthest};
+use crate::route::{Station, Stop};
 use crate::{Arm, Error};
 
 /// Starts beside home.
