@@ -123,6 +123,13 @@ find("legend-bar").style.background =
 
 const VIEWS = {corner: [-1.05, 0.62], top: [-Math.PI / 2, 1.57], side: [-Math.PI / 2, 0.08]};
 
+/// Width and height of a recording's part of the view.
+function viewSize() {
+  const [width, height] = [canvas.clientWidth || 1, canvas.clientHeight || 1];
+  const share = 1 / Math.max(shownClips().length, 1);
+  return width >= height ? [width * share, height] : [width, height * share];
+}
+
 function look(name) {
   let low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
   for (const number of shownClips()) {
@@ -131,8 +138,17 @@ function look(name) {
   }
   [camera.azimuth, camera.elevation] = VIEWS[name];
   camera.target = add(low, sub(high, low), 0.5);
-  const radius = Math.hypot(...sub(high, low)) / 2 || 1;
-  camera.distance = 0.72 * radius / Math.sin(HALF_ANGLE);
+  // As near as all corners of the box around the cloth are seen
+  const [x, y] = viewSize();
+  const {back, right, up} = axes();
+  camera.distance = 0.01;
+  for (let k = 0; k < 8; k++) {
+    const corner = [0, 1, 2].map((j) => (k >> j & 1 ? high : low)[j] - camera.target[j]);
+    for (const [axis, share] of [[right, Math.min(x, y) / x], [up, Math.min(x, y) / y]]) {
+      const wanted = Math.abs(dot(corner, axis)) * share / Math.tan(HALF_ANGLE) / 0.92;
+      camera.distance = Math.max(camera.distance, dot(corner, back) + wanted);
+    }
+  }
   dirty = true;
 }
 for (const name of Object.keys(VIEWS)) find("look-" + name).addEventListener("click", () => look(name));
