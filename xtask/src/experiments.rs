@@ -12,6 +12,7 @@ use clap::ValueEnum;
 use selvedge_folding::{
     Error, Expected, Experiment, Export, Measured, Options, Scenario, Solver, experiment, terminal,
 };
+use selvedge_trajectory::log;
 
 use crate::progress::Progress;
 use crate::reach::{self, Robot};
@@ -41,6 +42,10 @@ pub(crate) struct Arguments {
     /// Folds that run at the same time [default: the number of processors].
     #[arg(long, value_name = "N")]
     jobs: Option<std::num::NonZeroUsize>,
+    /// Commands that the one case named follows instead of the scenario's, for instance another timing
+    /// of the same path, as `selvedge-reach` writes it.
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
     /// Look for a base from which this arm can do the folds, and add what is found to the table.
     #[arg(long, value_enum)]
     robot: Option<Robot>,
@@ -134,9 +139,21 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let root = workspace::root()?;
     let default = root.join(PAPER);
     let path = arguments.scenario.as_ref().unwrap_or(&default);
-    let scenario = Scenario::load(path)?;
+    let mut scenario = Scenario::load(path)?;
     let expected = Expected::beside(&scenario, path)?;
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or(root.join("target"), PathBuf::from);
+    if let Some(log) = &arguments.log {
+        let [case] = &arguments.cases[..] else {
+            anyhow::bail!("--log {}: name the one case that follows it", log.display());
+        };
+        let file = std::fs::File::open(log).with_context(|| format!("{}", log.display()))?;
+        let log = log::read(std::io::BufReader::new(file), &log.display().to_string())?;
+        scenario.follow(case, &log)?;
+    }
+    let reach = match arguments.robot {
+        Some(robot) => Some(reach::find(robot, &scenario, &arguments.cases)?),
+        None => None,
+    };
     let out = arguments.out.clone();
     let options = Options {
         cases: arguments.cases.clone(),
@@ -151,6 +168,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         resume: arguments.resume,
         exports: arguments.exports(),
         command: command(std::env::args().skip(1)),
+        tables: reach.iter().map(reach::Found::table).collect(),
     };
     // Of an earlier experiment, as its other files.
     std::fs::remove_file(options.out.join(reach::FILE)).ok();
@@ -169,10 +187,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     match result {
         Ok(result) => {
             report(&result, &expected, &options, start, arguments.quiet);
-            // The commands are the same for each solver.
-            if let (Some(robot), Some(solver)) = (arguments.robot, options.solvers.first()) {
-                let folder = options.out.join(solver.name());
-                reach::run(robot, &scenario, &options.cases, &folder, &options.out)?;
+            if let Some(found) = &reach {
+                found.write(&options.out)?;
             }
             Ok(ExitCode::from(if result.complete() { 0 } else { 2 }))
         }

@@ -18,7 +18,11 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("selvedge-cloth", &["selvedge-math"]),
     ("selvedge-view", &["selvedge-math"]),
     ("selvedge-published", &["selvedge-math", "selvedge-cloth"]),
-    ("selvedge-franka", &["selvedge-math", "selvedge-trajectory"]),
+    // What its program shows.
+    (
+        "selvedge-franka",
+        &["selvedge-math", "selvedge-trajectory", "selvedge-view"],
+    ),
     (
         "selvedge-folding",
         &[

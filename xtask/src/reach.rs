@@ -1,14 +1,16 @@
 //! Which folds of an experiment an arm can do: the part of `experiments` that `--robot` asks for.
 
-use std::fmt::Write;
+use std::fmt::Write as _;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::io::Write;
+use std::path::Path;
 
 use anyhow::{Context, Result};
 use clap::ValueEnum;
-use selvedge_folding::{Case, Scenario};
+use selvedge_folding::Scenario;
 use selvedge_franka::{Arm, best, search};
-use selvedge_trajectory::log;
+use selvedge_trajectory::log::Log;
+use selvedge_view::{Column, Table, write_whole};
 
 #[derive(Clone, Copy, ValueEnum)]
 pub(crate) enum Robot {
@@ -35,63 +37,83 @@ const COLUMNS: [&str; 11] = [
     "least time s",
 ];
 
-/// Looks for a base for each gripper of the cases, with their command logs in `folder`, the table at
-/// height 0; prints a table, appends it to `table.md` in `out` and writes `reach.csv` there.
-pub(crate) fn run(
-    robot: Robot,
-    scenario: &Scenario,
-    chosen: &[String],
-    folder: &Path,
-    out: &Path,
-) -> Result<()> {
+/// What is known of an arm and the cases.
+pub(crate) struct Found {
+    rows: Vec<[String; 11]>,
+}
+
+/// Looks for a base for each gripper of the cases that are asked for, the table at height 0.
+pub(crate) fn find(robot: Robot, scenario: &Scenario, chosen: &[String]) -> Result<Found> {
     let arm = match robot {
         Robot::Fr3 => Arm::fr3(),
         Robot::Fer => Arm::fer(),
     };
-    let (mut csv, mut markdown) = (COLUMNS.join(",") + "\n", String::new());
-    let dashes = vec!["---"; COLUMNS.len()];
-    writeln!(markdown, "\n| {} |", COLUMNS.join(" | "))?;
-    writeln!(markdown, "|{}|", dashes.join("|"))?;
+    let mut rows = Vec::new();
     for case in &scenario.cases {
-        let asked = chosen.is_empty() || chosen.contains(&case.name);
-        for (name, path) in logs(folder, case).filter(|(_, path)| asked && path.exists()) {
-            let cells = row(&arm, &name, &path)?;
+        if !chosen.is_empty() && !chosen.contains(&case.name) {
+            continue;
+        }
+        let logs = scenario.logs(case);
+        for (number, log) in logs.iter().enumerate() {
+            let name = match logs.len() {
+                1 => case.name.clone(),
+                _ => format!("{}.gripper{}", case.name, number + 1),
+            };
+            rows.push(row(&arm, &name, log).with_context(|| name.clone())?);
+        }
+    }
+    Ok(Found { rows })
+}
+
+impl Found {
+    /// Prints the table, appends it to `table.md` in a folder and writes `reach.csv` there.
+    pub(crate) fn write(&self, out: &Path) -> Result<()> {
+        let (mut csv, mut markdown) = (COLUMNS.join(",") + "\n", String::new());
+        let dashes = vec!["---"; COLUMNS.len()];
+        writeln!(markdown, "\n| {} |", COLUMNS.join(" | "))?;
+        writeln!(markdown, "|{}|", dashes.join("|"))?;
+        for cells in &self.rows {
             writeln!(markdown, "| {} |", cells.join(" | "))?;
             // A cause has commas.
-            let cells = cells.map(|cell| match cell.contains(',') {
+            let cells = cells.each_ref().map(|cell| match cell.contains(',') {
                 true => format!("\"{}\"", cell.replace('"', "\"\"")),
-                false => cell,
+                false => cell.clone(),
             });
             writeln!(csv, "{}", cells.join(","))?;
         }
+        println!("{markdown}");
+        put(&out.join(FILE), &csv)?;
+        let table = out.join("table.md");
+        let before = fs::read_to_string(&table).with_context(|| format!("{}", table.display()))?;
+        put(&table, &(before + &markdown))
     }
-    println!("{markdown}");
-    write_whole(&out.join(FILE), &csv)?;
-    let table = out.join("table.md");
-    let before = fs::read_to_string(&table).with_context(|| format!("{}", table.display()))?;
-    write_whole(&table, &(before + &markdown))
+
+    /// The table for the page.
+    pub(crate) fn table(&self) -> Table {
+        let columns = COLUMNS.iter().enumerate().map(|(k, header)| Column {
+            header: (*header).to_owned(),
+            is_number: [3, 4, 5, 7, 8, 9, 10].contains(&k),
+            cells: self.rows.iter().map(|row| row[k].clone()).collect(),
+        });
+        Table {
+            title: "Can an arm do it?".into(),
+            columns: columns.collect(),
+            notes: vec![
+                "The best of 286 places of the base beside the cloth, which lies at height 0. Slow-down: \
+                 how many times as long the log must take, 1 when it can be followed as it is; least \
+                 time: of the movement."
+                    .into(),
+            ],
+            ..Table::default()
+        }
+    }
 }
 
-/// Name and command log of each gripper of a case.
-fn logs(folder: &Path, case: &Case) -> impl Iterator<Item = (String, PathBuf)> {
-    let count = case.grippers.len();
-    (1..=count).map(move |number| {
-        let name = match count {
-            1 => case.name.clone(),
-            _ => format!("{}.gripper{number}", case.name),
-        };
-        let path = folder.join(format!("{name}.commands.csv"));
-        (name, path)
-    })
-}
-
-fn row(arm: &Arm, name: &str, path: &Path) -> Result<[String; 11]> {
-    let file = fs::File::open(path).with_context(|| format!("{}", path.display()))?;
-    let log = log::read(file, &path.display().to_string())?;
-    let places = search(arm, &log, 0.0, 0.0).with_context(|| format!("{}", path.display()))?;
+fn row(arm: &Arm, name: &str, log: &Log) -> Result<[String; 11]> {
+    let places = search(arm, log, 0.0, 0.0)?;
     let mut cells: [String; 11] = Default::default();
     (cells[0], cells[1]) = (name.to_owned(), arm.name().to_owned());
-    let Some(found) = best(arm, &log, &places)? else {
+    let Some(found) = best(arm, log, &places)? else {
         cells[2] = "no: every place is on the cloth".into();
         return Ok(cells);
     };
@@ -132,54 +154,41 @@ fn row(arm: &Arm, name: &str, path: &Path) -> Result<[String; 11]> {
     Ok(cells)
 }
 
-/// Written beside and renamed.
-fn write_whole(path: &Path, text: &str) -> Result<()> {
-    let beside = path.with_extension(format!("{}.tmp", std::process::id()));
-    let written = fs::write(&beside, text).and_then(|()| fs::rename(&beside, path));
-    written.with_context(|| format!("cannot write {}", path.display()))
+fn put(path: &Path, text: &str) -> Result<()> {
+    Ok(write_whole(path, |writer| {
+        Ok(writer.write_all(text.as_bytes())?)
+    })?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::workspace;
-    use selvedge_math::{Command, DVec3, Jaw, Pose};
-    use selvedge_trajectory::log::{Log, Sample};
 
     #[test]
-    fn each_case_with_a_log_has_a_row() {
+    fn each_case_has_a_row_on_the_page_and_in_the_files() {
         let path = workspace::root()
             .unwrap()
-            .join("fixtures/scenarios/franka_fold.toml");
+            .join("fixtures/scenarios/corner_fold.toml");
         let scenario = Scenario::load(path).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        // One that can be done, and one in the table.
-        for (name, z) in [("F1", 0.05), ("F2", -0.05)] {
-            let mut log = Log::new("a test");
-            for k in 0..=60 {
-                let p = DVec3::new(0.21, 0.295 - 0.005 * f64::from(k), z);
-                let pose = Pose::from_translation(p);
-                let jaw = Jaw::Closed;
-                let command = Command { pose, jaw };
-                let time = f64::from(k) / 20.0;
-                log.samples.push(Sample { time, command });
-            }
-            let mut file = fs::File::create(folder.join(format!("{name}.commands.csv"))).unwrap();
-            log::write(&mut file, &log).unwrap();
-        }
         fs::write(folder.join("table.md"), "before\n").unwrap();
-        run(Robot::Fr3, &scenario, &[], folder, folder).unwrap();
+        // One that can be done, and one that puts the fingers into the table.
+        let chosen = ["C1".to_owned(), "C8".to_owned()];
+        let found = find(Robot::Fr3, &scenario, &chosen).unwrap();
+        found.write(folder).unwrap();
         let csv = fs::read_to_string(folder.join(FILE)).unwrap();
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(lines.len(), 3);
-        assert!(lines[1].starts_with("F1,fr3,yes,"), "{csv}");
-        assert!(lines[2].starts_with("F2,fr3,\"no: ") && lines[2].contains("below the table"));
+        assert!(lines[1].starts_with("C1,fr3,yes,"), "{csv}");
+        assert!(lines[2].starts_with("C8,fr3,\"no: ") && lines[2].contains("below the table"));
         let table = fs::read_to_string(folder.join("table.md")).unwrap();
-        assert!(table.starts_with("before\n\n| case |") && table.contains("| F1 | fr3 | yes |"));
-        // One case only.
-        run(Robot::Fer, &scenario, &["F1".into()], folder, folder).unwrap();
-        let csv = fs::read_to_string(folder.join(FILE)).unwrap();
-        assert_eq!(csv.lines().count(), 2);
+        assert!(table.starts_with("before\n\n| case |") && table.contains("| C1 | fr3 | yes |"));
+        let columns = found.table().columns;
+        assert_eq!(columns.len(), COLUMNS.len());
+        assert!(columns.iter().all(|column| column.cells.len() == 2));
+        let other = find(Robot::Fer, &scenario, &["C1".into()]).unwrap();
+        assert_eq!(other.rows.len(), 1);
     }
 }

@@ -100,6 +100,14 @@ pub enum Error {
     /// A command log could not be written.
     #[error(transparent)]
     Trajectory(#[from] selvedge_trajectory::Error),
+    /// A case cannot follow a log.
+    #[error("{case} cannot follow the log: {reason}")]
+    Follow {
+        /// The case.
+        case: String,
+        /// Why.
+        reason: String,
+    },
     /// Somebody asked to stop.
     #[error("stopped on request")]
     Stopped,

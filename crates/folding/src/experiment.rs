@@ -39,6 +39,8 @@ pub struct Options {
     pub exports: Vec<Export>,
     /// The command that runs this experiment, for its page.
     pub command: String,
+    /// More tables for its page.
+    pub tables: Vec<selvedge_view::Table>,
 }
 
 /// A file for other programs and for looking at, beside each recording.

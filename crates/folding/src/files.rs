@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use selvedge_trajectory::log::{Log, Sample, write};
+use selvedge_trajectory::log::write;
 use selvedge_view::{Chart, Picture, Recording, write_whole};
 
 use crate::table::{Row, markdown, write_csv, write_timings};
@@ -102,23 +102,9 @@ fn commands_path(folder: &Path, case: &Case, number: usize) -> PathBuf {
 
 /// The command log of each gripper.
 pub(crate) fn write_commands(folder: &Path, scenario: &Scenario, case: &Case) -> Result<(), Error> {
-    for (number, plan) in case.grippers.iter().enumerate() {
-        let mut log = Log::new(format!(
-            "{} {} gripper {}",
-            scenario.name,
-            case.name,
-            number + 1
-        ));
-        log.tip_offset = plan.tip_offset;
-        log.samples = (0..scenario.steps)
-            .map(|step| scenario.time(step))
-            .map(|time| Sample {
-                time,
-                command: plan.schedule.command(time),
-            })
-            .collect();
+    for (number, log) in scenario.logs(case).iter().enumerate() {
         write_whole(commands_path(folder, case, number), |writer| {
-            Ok(write(writer, &log)?)
+            Ok(write(writer, log)?)
         })?;
     }
     Ok(())

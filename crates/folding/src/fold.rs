@@ -90,7 +90,7 @@ impl<'a> Fold<'a> {
 
     fn nothing_grasped(&self, number: usize, time: f64) -> Error {
         let plan = &self.case.grippers[number];
-        let centre = plan.schedule.command(time).pose.transform(plan.tip_offset);
+        let centre = plan.commands.command(time).pose.transform(plan.tip_offset);
         let positions = self.cloth.positions();
         let nearest = positions
             .iter()
@@ -127,7 +127,7 @@ pub(crate) fn view<'a>(scenario: &'a Scenario, positions: &'a [DVec3]) -> ClothV
 pub(crate) fn commands_at(case: &Case, time: f64) -> impl Iterator<Item = Command> {
     case.grippers
         .iter()
-        .map(move |plan| plan.schedule.command(time))
+        .map(move |plan| plan.commands.command(time))
 }
 
 /// Whether one of the grippers closes with these commands.

@@ -27,7 +27,7 @@ pub use expected::Expected;
 pub use experiment::{Event, Experiment, Export, FoldName, Options, experiment};
 pub use metric::{fold_error, half_fold};
 pub use run::{Run, run};
-pub use scenario::{Case, GripperPlan, Scenario};
+pub use scenario::{Case, Commands, GripperPlan, Scenario};
 pub use scenes::{Quantity, Scene};
 pub use solver::Solver;
 pub use table::{Measured, Row, terminal};

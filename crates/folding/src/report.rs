@@ -70,7 +70,7 @@ pub(crate) fn report(
             .to_owned(),
     ];
     notes.extend(failures);
-    let tables = [
+    let mut tables = vec![
         Table {
             title: "Folding errors".into(),
             columns: grasps,
@@ -90,6 +90,7 @@ pub(crate) fn report(
             ..Table::default()
         },
     ];
+    tables.extend(options.tables.iter().cloned());
     let title = format!("Selvedge: {}", scenario.name);
     let lead = "How a gripper takes hold of a cloth decides how well it folds it.";
     let page = Page {

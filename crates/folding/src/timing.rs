@@ -63,7 +63,7 @@ pub(crate) fn time_gripper(
                 // All closed steps in one measurement: a clock is slower than a step.
                 let first = step;
                 let closed = |step: &usize| {
-                    let jaws = case.grippers.iter().map(|plan| &plan.schedule);
+                    let jaws = case.grippers.iter().map(|plan| &plan.commands);
                     jaws.into_iter()
                         .all(|jaw| jaw.jaw(scenario.time(*step)).is_closed())
                 };

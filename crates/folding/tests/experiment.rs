@@ -25,6 +25,7 @@ fn options(out: &Path, cases: &[&str]) -> Options {
         resume: false,
         exports: Vec::new(),
         command: String::new(),
+        tables: Vec::new(),
     }
 }
 

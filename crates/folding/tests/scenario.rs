@@ -298,7 +298,7 @@ fn borders_are_met_with_any_period() {
     assert_eq!((scenario.time(10), scenario.time(11)), (10.0 * 0.03, 0.33));
     let jaw = |step| {
         scenario.cases[0].grippers[0]
-            .schedule
+            .commands
             .jaw(scenario.time(step))
     };
     assert!(!jaw(10).is_closed() && jaw(11).is_closed());

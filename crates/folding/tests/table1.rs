@@ -50,6 +50,7 @@ fn all_eight_cases_agree_with_the_paper() {
         resume: false,
         exports: Vec::new(),
         command: String::new(),
+        tables: Vec::new(),
     };
     let result = experiment(&scenario, &expected, &options, &|_| {
         ControlFlow::Continue(())

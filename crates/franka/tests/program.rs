@@ -72,6 +72,14 @@ fn a_log_within_reach_gives_files_that_read_back() {
     assert_eq!(document["feasible"], true);
     assert_eq!(document["rows"].as_array().unwrap().len(), 241);
     assert_eq!(document["map"].as_array().unwrap().len(), 286);
+    for (name, words) in [
+        ("bases.svg", "Where the base may stand"),
+        ("margins.svg", "nearest joint limit [rad]"),
+        ("reach.html", "elbow acceleration"),
+    ] {
+        let text = std::fs::read_to_string(out.join(name)).unwrap();
+        assert!(text.contains(words), "{name}: {words}");
+    }
     let joints = std::fs::read_to_string(out.join("joints.csv")).unwrap();
     let mut lines = joints.lines();
     assert_eq!(lines.next(), Some("t,q1,q2,q3,q4,q5,q6,q7,jaw"));
@@ -146,7 +154,8 @@ fn out_of_reach_is_3_and_says_why() {
     );
     assert!(text.contains("raise the whole path by 10 mm"), "{text}");
     // A report is written, motions are not.
-    assert!(folder.join("reach.json").exists() && !folder.join("joints.csv").exists());
+    assert!(folder.join("reach.json").exists());
+    assert!(!folder.join("joints.csv").exists() && !folder.join("reach.html").exists());
 }
 
 #[test]

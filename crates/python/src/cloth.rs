@@ -25,13 +25,17 @@ impl Mesh {
         let points = Points::read("rest", rest)?;
         let (quads, triangles) = faces("faces", Some(face_array))?;
         let rest = points.get().to_vec();
-        cloth::Mesh::new(rest, quads, triangles).map(Self).map_err(value_error)
+        cloth::Mesh::new(rest, quads, triangles)
+            .map(Self)
+            .map_err(value_error)
     }
 
     /// A rectangle of `nodes` (along x and y) and `sides` [m] around the origin, at z = 0.
     #[staticmethod]
     fn grid(nodes: [usize; 2], sides: [f64; 2]) -> PyResult<Self> {
-        cloth::Mesh::grid(nodes, sides).map(Self).map_err(value_error)
+        cloth::Mesh::grid(nodes, sides)
+            .map(Self)
+            .map_err(value_error)
     }
 
     /// The mesh of a Wavefront OBJ file.
@@ -100,7 +104,9 @@ impl Grasp {
         };
         let (nodes, targets, velocities): (Vec<u32>, Bound<'_, PyAny>, Bound<'_, PyAny>) =
             held.extract().map_err(|error| {
-                value_error(format!("held: must be (nodes, targets, velocities): {error}"))
+                value_error(format!(
+                    "held: must be (nodes, targets, velocities): {error}"
+                ))
             })?;
         Ok(Self {
             nodes,
@@ -135,7 +141,9 @@ fn merged<T: serde::Serialize + serde::de::DeserializeOwned>(
         let key: String = key.extract()?;
         let Some(place) = all.get_mut(&key) else {
             let known: Vec<&String> = all.keys().collect();
-            return Err(value_error(format!("{name}: {key} is not one of {known:?}")));
+            return Err(value_error(format!(
+                "{name}: {key} is not one of {known:?}"
+            )));
         };
         *place = match place {
             Value::Bool(_) => Value::Bool(value.extract()?),
@@ -148,7 +156,8 @@ fn merged<T: serde::Serialize + serde::de::DeserializeOwned>(
             }
         };
     }
-    serde_json::from_value(Value::Object(all)).map_err(|error| value_error(format!("{name}: {error}")))
+    serde_json::from_value(Value::Object(all))
+        .map_err(|error| value_error(format!("{name}: {error}")))
 }
 
 /// The default solver on a mesh.
@@ -177,7 +186,9 @@ fn report_out<'py>(py: Python<'py>, report: &StepReport) -> PyResult<Bound<'py, 
 
 impl Cloth {
     fn locked(&self) -> PyResult<std::sync::MutexGuard<'_, cloth::Simulator>> {
-        self.0.lock().map_err(|_| value_error("the cloth failed in an earlier step"))
+        self.0
+            .lock()
+            .map_err(|_| value_error("the cloth failed in an earlier step"))
     }
 }
 
@@ -234,7 +245,9 @@ impl Cloth {
             Some(velocities) => Points::read("velocities", velocities)?.get().to_vec(),
             None => vec![DVec3::ZERO; positions.get().len()],
         };
-        self.locked()?.reset(positions.get(), &velocities).map_err(value_error)
+        self.locked()?
+            .reset(positions.get(), &velocities)
+            .map_err(value_error)
     }
 }
 
@@ -262,15 +275,25 @@ pub(crate) fn step_all<'py>(
         std::thread::scope(|scope| {
             let run = |jobs: &[(&Mutex<cloth::Simulator>, &Grasp)]| {
                 let one = |(cloth, grasp): &(&Mutex<cloth::Simulator>, &Grasp)| {
-                    let mut cloth = cloth.lock().map_err(|_| "it failed in an earlier step".to_owned())?;
-                    cloth.step(grasp.held(), dt).map_err(|error| error.to_string())
+                    let mut cloth = cloth
+                        .lock()
+                        .map_err(|_| "it failed in an earlier step".to_owned())?;
+                    cloth
+                        .step(grasp.held(), dt)
+                        .map_err(|error| error.to_string())
                 };
-                jobs.iter().map(one).collect::<Vec<Result<StepReport, String>>>()
+                jobs.iter()
+                    .map(one)
+                    .collect::<Vec<Result<StepReport, String>>>()
             };
-            let parts: Vec<_> = jobs.chunks(share).map(|jobs| scope.spawn(move || run(jobs))).collect();
-            let join = |part: std::thread::ScopedJoinHandle<'_, Vec<Result<StepReport, String>>>| {
-                part.join().unwrap_or_default()
-            };
+            let parts: Vec<_> = jobs
+                .chunks(share)
+                .map(|jobs| scope.spawn(move || run(jobs)))
+                .collect();
+            let join = |part: std::thread::ScopedJoinHandle<
+                '_,
+                Vec<Result<StepReport, String>>,
+            >| { part.join().unwrap_or_default() };
             parts.into_iter().flat_map(join).collect::<Vec<_>>()
         })
     });

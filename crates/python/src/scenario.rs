@@ -92,12 +92,19 @@ impl Scenario {
         &self,
         py: Python<'py>,
         case: &str,
-    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray3<f64>>, Bound<'py, PyArray2<bool>>)> {
+    ) -> PyResult<(
+        Bound<'py, PyArray1<f64>>,
+        Bound<'py, PyArray3<f64>>,
+        Bound<'py, PyArray2<bool>>,
+    )> {
         let plans = &self.case(case)?.grippers;
         let times: Vec<f64> = (0..self.0.steps).map(|step| self.0.time(step)).collect();
         let (mut poses, mut closed) = (Vec::new(), Vec::new());
         for &time in &times {
-            let commands: Vec<_> = plans.iter().map(|plan| plan.schedule.command(time)).collect();
+            let commands: Vec<_> = plans
+                .iter()
+                .map(|plan| plan.commands.command(time))
+                .collect();
             closed.extend(commands.iter().map(|command| command.jaw.is_closed()));
             poses.extend(poses_out(&commands));
         }
@@ -139,7 +146,11 @@ impl Scenario {
         let solver = match solver {
             "default" => Solver::Default,
             "published" => Solver::Published,
-            other => return Err(value_error(format!("solver: {other}, must be default or published"))),
+            other => {
+                return Err(value_error(format!(
+                    "solver: {other}, must be default or published"
+                )));
+            }
         };
         let run = py.detach(|| folding::run(&self.0, case, solver, |_| ControlFlow::Continue(())));
         Ok(Recording(run.map_err(value_error)?.recording))
@@ -183,14 +194,22 @@ pub(crate) fn fold_error(
     reference: &Bound<'_, PyAny>,
     diagonal: f64,
 ) -> PyResult<f64> {
-    let (points, wanted) = (Points::read("positions", positions)?, Points::read("reference", reference)?);
+    let (points, wanted) = (
+        Points::read("positions", positions)?,
+        Points::read("reference", reference)?,
+    );
     let counts = [points.get().len(), wanted.get().len()];
     if counts[0] != counts[1] || counts[0] == 0 {
-        let text = format!("reference: {} rows for {} positions, must be as many", counts[1], counts[0]);
+        let text = format!(
+            "reference: {} rows for {} positions, must be as many",
+            counts[1], counts[0]
+        );
         return Err(value_error(text));
     }
     if !(diagonal > 0.0 && diagonal.is_finite()) {
-        return Err(value_error(format!("diagonal: {diagonal} m, must be positive and finite")));
+        return Err(value_error(format!(
+            "diagonal: {diagonal} m, must be positive and finite"
+        )));
     }
     Ok(folding::fold_error(points.get(), wanted.get(), diagonal))
 }

@@ -14,7 +14,7 @@ mod surface;
 mod volume;
 mod whole;
 
-pub use chart::Chart;
+pub use chart::{Chart, HeatMap};
 pub use error::Error;
 pub use npz::MAX_BYTES;
 pub use page::{Clip, Column, Page, Table};

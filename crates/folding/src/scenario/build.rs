@@ -11,7 +11,7 @@ use super::tables::{
     CaseTable, File, GripperTable, LawKey, OrientationKey, PathTable, SqueezeTable, TimeTable,
     TipConvention, VolumeTable,
 };
-use super::{Case, GripperPlan, ROUNDED, Scenario};
+use super::{Case, Commands, GripperPlan, ROUNDED, Scenario};
 use crate::Error;
 
 /// Steps of one run.
@@ -231,7 +231,7 @@ impl File {
         Ok(GripperPlan {
             gripper,
             rotation: sweep.angle(),
-            schedule: Schedule::fold(sweep, law, self.time.times())?,
+            commands: Commands::Schedule(Schedule::fold(sweep, law, self.time.times())?),
             tip_offset,
         })
     }

@@ -3,6 +3,7 @@
 mod build;
 mod check;
 mod cloth;
+mod commands;
 mod hash;
 mod tables;
 
@@ -11,9 +12,11 @@ use std::path::Path;
 use selvedge_cloth::{Material, Mesh};
 use selvedge_grasp::Gripper;
 use selvedge_math::DVec3;
-use selvedge_trajectory::{FoldTimes, Schedule};
+use selvedge_trajectory::FoldTimes;
 
 use crate::{Error, Solver};
+
+pub use commands::Commands;
 
 /// A time is on a border when it is so near, in steps.
 const ROUNDED: f64 = 1e-6;
@@ -71,7 +74,7 @@ pub struct GripperPlan {
     /// The gripper, open.
     pub gripper: Gripper,
     /// Its commands over time.
-    pub schedule: Schedule,
+    pub commands: Commands,
     /// Where the tip is in the gripper frame [m].
     pub tip_offset: DVec3,
     /// How far the gripper turns on its way [rad].

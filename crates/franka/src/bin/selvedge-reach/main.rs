@@ -4,8 +4,12 @@
 
 #![forbid(unsafe_code)]
 
+mod files;
+mod page;
+mod plots;
+
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
@@ -13,8 +17,7 @@ use clap::Parser;
 use selvedge_franka::{
     Arm, Place, Placement, Posture, Rates, Reach, Usage, best, either, search, slow_down,
 };
-use selvedge_trajectory::log::{self, Log};
-use serde_json::{Value, json};
+use selvedge_trajectory::log;
 
 /// Tell whether a robot arm can follow a command log, why not, and how fast it could.
 #[derive(Parser)]
@@ -43,7 +46,8 @@ struct Arguments {
     /// Search for the best base; with --base at its height.
     #[arg(long)]
     search_base: bool,
-    /// Write reach.json, joints.csv, retimed.commands.csv and retimed.joints.csv into this folder.
+    /// Write reach.json, bases.svg and, of a path that is possible, joints.csv, margins.svg, reach.html
+    /// with the moving arm, retimed.commands.csv and retimed.joints.csv into this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -101,9 +105,7 @@ fn run(arguments: &Arguments) -> Result<bool> {
     let possible = found.blocked.is_none() && found.timing.is_some();
     report(&arm, &found, &places);
     if let Some(folder) = &arguments.out {
-        fs::create_dir_all(folder)
-            .with_context(|| format!("cannot make the folder {}", folder.display()))?;
-        write_files(folder, &arm, &log, &found, &places)?;
+        files::write(folder, &arm, &log, &found, &places)?;
     }
     Ok(possible)
 }
@@ -246,122 +248,4 @@ fn report(arm: &Arm, found: &Reach<'_>, places: &[Place]) {
     }
     let (asked, least) = (timing.asked, timing.least);
     println!("fastest  {least:.3} s for what the log moves in {asked:.3} s");
-}
-
-// ---- The files
-
-fn write_files(
-    folder: &Path,
-    arm: &Arm,
-    log: &Log,
-    found: &Reach<'_>,
-    places: &[Place],
-) -> Result<()> {
-    let mut text = serde_json::to_vec_pretty(&document(arm, log, found, places))?;
-    text.push(b'\n');
-    write_whole(&folder.join("reach.json"), &text)?;
-    let Some(timing) = &found.timing else {
-        return Ok(());
-    };
-    let motion = &timing.motion;
-    let text = joint_rows(arm, &motion.times, &motion.q, &motion.closed);
-    write_whole(&folder.join("joints.csv"), text.as_bytes())?;
-    let samples = &timing.fastest.samples;
-    let times: Vec<f64> = samples.iter().map(|sample| sample.time).collect();
-    let closed: Vec<bool> = samples.iter().map(|s| s.command.jaw.is_closed()).collect();
-    let text = joint_rows(arm, &times, &timing.fastest_q, &closed);
-    write_whole(&folder.join("retimed.joints.csv"), text.as_bytes())?;
-    let mut text = Vec::new();
-    log::write(&mut text, &timing.fastest)?;
-    write_whole(&folder.join("retimed.commands.csv"), &text)
-}
-
-/// `t,q1,...,jaw`, numbers in the shortest form that reads back to the same bits.
-fn joint_rows(arm: &Arm, times: &[f64], q: &[f64], closed: &[bool]) -> String {
-    let n = arm.joints().len();
-    let mut text = "t".to_owned();
-    for k in 1..=n {
-        text += &format!(",q{k}");
-    }
-    text += ",jaw\n";
-    for ((time, q), closed) in times.iter().zip(q.chunks(n)).zip(closed) {
-        text += &time.to_string();
-        for q in q {
-            text += &format!(",{q}");
-        }
-        text += if *closed { ",1\n" } else { ",0\n" };
-    }
-    text
-}
-
-/// Written beside and renamed, so that the file is whole or not there.
-fn write_whole(path: &Path, text: &[u8]) -> Result<()> {
-    let beside = path.with_extension(format!("{}.tmp", std::process::id()));
-    let written = fs::write(&beside, text).and_then(|()| fs::rename(&beside, path));
-    if written.is_err() {
-        fs::remove_file(&beside).ok();
-    }
-    written.with_context(|| format!("cannot write {}", path.display()))
-}
-
-fn document(arm: &Arm, log: &Log, found: &Reach<'_>, places: &[Place]) -> Value {
-    let finite = |x: f64| x.is_finite().then_some(x);
-    let rows = found.rows.iter().map(|row| {
-        let posture = row.posture.as_ref().map(|p| {
-            json!({
-                "q": p.q,
-                "limit_margin_rad": finite(p.margin),
-                "joint": arm.joints()[p.joint].name,
-                "table_m": finite(p.clearance.table),
-                "lowest": p.clearance.lowest,
-                "self_m": finite(p.clearance.own),
-                "nearest": p.clearance.nearest,
-                "smallest_singular_value": p.sigma,
-            })
-        });
-        json!({
-            "t": row.time,
-            "cause": row.cause.as_ref().map(ToString::to_string),
-            "posture": posture,
-        })
-    });
-    let timing = found.timing.as_ref().map(|timing| {
-        let bounds = timing.commanded.iter().map(|usage| {
-            json!({
-                "bound": usage.bound,
-                "t": usage.time,
-                "value": usage.value,
-                "limit": usage.limit,
-                "slow_down": finite(usage.slow_down()),
-            })
-        });
-        json!({
-            "slow_down": timing.slow_down,
-            "moves_s": timing.asked,
-            "fastest_s": timing.least,
-            "bounds": bounds.collect::<Vec<_>>(),
-        })
-    });
-    let place = |placement: &Placement| json!({"base_xyz_yaw": placement.numbers(), "flip": placement.flip});
-    let map = places.iter().map(|at| {
-        json!({
-            "place": place(&at.placement),
-            "on_cloth": at.on_cloth,
-            "score": at.score,
-        })
-    });
-    json!({
-        "schema": 1,
-        "units": "m, rad, s",
-        "robot": arm.name(),
-        "source": log.source,
-        "feasible": found.blocked.is_none() && found.timing.is_some(),
-        "place": place(&found.placement),
-        "table_m": found.placement.table,
-        "blocked": found.blocked.as_ref().map(ToString::to_string),
-        "possible_instead": found.offers.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        "timing": timing,
-        "rows": rows.collect::<Vec<_>>(),
-        "map": map.collect::<Vec<_>>(),
-    })
 }
