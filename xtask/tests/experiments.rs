@@ -225,36 +225,23 @@ fn a_folder_in_the_way_is_named() {
 #[test]
 fn a_case_follows_a_log() {
     let folder = tempfile::tempdir().unwrap();
-    let (small, first) = (
-        fixture("tests/small_fold.toml"),
-        folder.path().join("first"),
-    );
+    let small = fixture("tests/small_fold.toml");
+    let [first, second] = ["first", "second"].map(|name| folder.path().join(name));
     let base = ["one", "--ensemble", "0", "--solver", "default"];
     assert_eq!(experiments(&base, &small, &first).status.code(), Some(0));
     let log = first.join("default/one.commands.csv");
-    let with = |arguments: &[&str]| {
-        let out = folder.path().join("second");
-        let output = experiments(
-            &[arguments, &["--log", log.to_str().unwrap()]].concat(),
-            &small,
-            &out,
-        );
-        (output.status.code(), text(&output.stderr), rows(&out))
-    };
-    let error = |out: &Path| {
+    let log = ["--log", log.to_str().unwrap()];
+    let output = experiments(&[&base[..], &log].concat(), &small, &second);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    // Its own commands: the same fold.
+    let row = |out: &Path| {
         let table = std::fs::read_to_string(out.join("table.csv")).unwrap();
         table.lines().nth(1).unwrap().to_owned()
     };
-    let (code, errors, _) = with(&base);
-    assert_eq!(code, Some(0), "{errors}");
-    // Its own commands: the same fold.
-    assert_eq!(error(&first), error(&folder.path().join("second")));
-    let (code, errors) = {
-        let output = experiments(&["--log", log.to_str().unwrap()], &small, &first);
-        (output.status.code(), text(&output.stderr))
-    };
-    assert_eq!(code, Some(2));
-    assert!(errors.contains("name the one case"), "{errors}");
+    assert_eq!(row(&first), row(&second));
+    let output = experiments(&log, &small, &second);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("name the one case"));
 }
 
 /// A limit on the size of files stands for a full disk: writing fails half way in the same place.

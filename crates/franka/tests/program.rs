@@ -104,7 +104,7 @@ fn a_log_within_reach_gives_files_that_read_back() {
         std::fs::read_to_string(out.join("joints.csv")).unwrap(),
         joints
     );
-    assert!(std::fs::read_dir(&out).unwrap().count() == 4);
+    assert!(std::fs::read_dir(&out).unwrap().count() == 7);
     // The base it found, given by hand.
     let base = &document["place"]["base_xyz_yaw"];
     let base: Vec<String> = base
