@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::io::IsTerminal;
 use std::sync::Mutex;
 
-use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use selvedge_folding::{Event, FoldName};
 
 /// A bar a fold on a terminal; otherwise a line a case and a line when its ensemble is done.
@@ -20,6 +20,12 @@ pub(crate) struct Progress {
 struct Running {
     bars: HashMap<String, ProgressBar>,
     members: HashMap<String, usize>,
+}
+
+/// Steps a second, whole ones.
+fn rate(state: &ProgressState, text: &mut dyn std::fmt::Write) {
+    // What cannot be written to a terminal is not shown.
+    write!(text, "{:.0}/s", state.per_sec()).ok();
 }
 
 impl Progress {
@@ -47,9 +53,9 @@ impl Progress {
         match event {
             Event::Started { fold, steps } => {
                 let bar = self.bars.add(ProgressBar::new(steps as u64));
-                let style = "{prefix:>16} {bar:32} {pos:>4}/{len} steps  {per_sec}  {eta} left";
+                let style = "{prefix:>16} {bar:32} {pos:>4}/{len} steps  {rate}  {eta} left";
                 if let Ok(style) = ProgressStyle::with_template(style) {
-                    bar.set_style(style);
+                    bar.set_style(style.with_key("rate", rate));
                 }
                 bar.set_prefix(self.name(fold));
                 running.bars.insert(fold.to_string(), bar);
