@@ -11,6 +11,8 @@ mod picture;
 mod recording;
 mod sheet;
 mod surface;
+#[cfg(test)]
+mod testing;
 mod volume;
 mod whole;
 

@@ -192,38 +192,13 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{GripperState, Recording, Rest, Sheet};
-    use selvedge_math::{Command, DVec3, Jaw, Pose};
-
-    fn recording() -> Recording {
-        let points = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
-        let sheet = Sheet {
-            quads: vec![],
-            triangles: vec![[0, 1, 2]],
-            rest: Rest::Positions(points.clone()),
-        };
-        let mut recording = Recording::new(sheet, 1, "{}".into()).unwrap();
-        let command = Command {
-            pose: Pose::IDENTITY,
-            jaw: Jaw::Open,
-        };
-        let state = GripperState {
-            command,
-            alpha: 0.0,
-        };
-        for k in 0..5 {
-            let lift = 0.1 * f64::from(k) * DVec3::Z;
-            let moved: Vec<DVec3> = points.iter().map(|p| *p + lift).collect();
-            recording
-                .push(f64::from(k), &moved, &[state], &[0; 3])
-                .unwrap();
-        }
-        recording
-    }
+    use crate::Recording;
+    use crate::testing::rising;
+    use selvedge_math::DVec3;
 
     #[test]
     fn words_are_escaped_and_wrong_tables_are_named() {
-        let recording = recording();
+        let recording = rising(5, 1.0);
         let clip = Clip {
             case: "</script><b>",
             solver: "",
@@ -269,7 +244,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_shown_is_named() {
-        let recording = recording();
+        let recording = rising(5, 1.0);
         let short = [DVec3::ZERO];
         let page = |recording: &Recording, ideal: Option<&[DVec3]>| {
             let clip = Clip {

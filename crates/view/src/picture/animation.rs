@@ -182,38 +182,11 @@ impl Palette {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::{GripperState, Rest, Sheet};
-    use selvedge_math::{Command, DVec3, Jaw, Pose};
-
-    /// A triangle that rises for a second, 60 frames a second.
-    fn rising() -> Recording {
-        let points = [DVec3::ZERO, 0.1 * DVec3::X, 0.1 * DVec3::Y];
-        let sheet = Sheet {
-            quads: vec![],
-            triangles: vec![[0, 1, 2]],
-            rest: Rest::Positions(points.to_vec()),
-        };
-        let mut recording = Recording::new(sheet, 1, "{}".into()).unwrap();
-        let command = Command {
-            pose: Pose::IDENTITY,
-            jaw: Jaw::Open,
-        };
-        let state = GripperState {
-            command,
-            alpha: 0.0,
-        };
-        for k in 0..=60 {
-            let time = f64::from(k) / 60.0;
-            let positions = points.map(|p| p + 0.1 * time * DVec3::Z);
-            recording.push(time, &positions, &[state], &[0; 3]).unwrap();
-        }
-        recording
-    }
+    use crate::testing::rising;
 
     #[test]
     fn films_and_key_frames_go_from_the_first_to_the_last() {
-        let recording = rising();
+        let recording = rising(61, 1.0 / 60.0);
         let film = recording.film(20.0);
         assert_eq!((film.len(), &film[..3], film[20]), (21, &[0, 3, 6][..], 60));
         assert_eq!(recording.film(1000.0).len(), 61);
@@ -224,7 +197,7 @@ mod tests {
 
     #[test]
     fn a_gif_shows_every_frame() {
-        let recording = rising();
+        let recording = rising(61, 1.0 / 60.0);
         let camera = recording.camera(48, 36);
         let bytes = recording.gif(&camera, 48, 36, 10.0).unwrap();
         let mut options = gif::DecodeOptions::new();
