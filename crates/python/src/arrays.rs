@@ -41,7 +41,10 @@ impl<'py> Points<'py> {
 
     pub(crate) fn get(&self) -> &[DVec3] {
         match self {
-            Self::Borrowed(array) => array.as_slice().map(bytemuck::cast_slice).unwrap_or_default(),
+            Self::Borrowed(array) => array
+                .as_slice()
+                .map(bytemuck::cast_slice)
+                .unwrap_or_default(),
             Self::Converted(points) => points,
         }
     }
@@ -143,7 +146,10 @@ pub(crate) fn faces(name: &str, value: Option<&Bound<'_, PyAny>>) -> PyResult<Fa
     let Some(value) = value.filter(|value| !value.is_none()) else {
         return Ok((Vec::new(), Vec::new()));
     };
-    let shape: Vec<usize> = value.getattr("shape").and_then(|shape| shape.extract()).unwrap_or_default();
+    let shape: Vec<usize> = value
+        .getattr("shape")
+        .and_then(|shape| shape.extract())
+        .unwrap_or_default();
     match shape[..] {
         [_, 3] => Ok((Vec::new(), indices(name, value)?)),
         [_, 4] => Ok((indices(name, value)?, Vec::new())),
@@ -155,7 +161,10 @@ pub(crate) fn faces(name: &str, value: Option<&Bound<'_, PyAny>>) -> PyResult<Fa
 }
 
 /// A new (N, 3) array.
-pub(crate) fn points_out<'py>(py: Python<'py>, points: &[DVec3]) -> PyResult<Bound<'py, PyArray2<f64>>> {
+pub(crate) fn points_out<'py>(
+    py: Python<'py>,
+    points: &[DVec3],
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let array = PyArray2::zeros(py, [points.len(), 3], false);
     array
         .try_readwrite()

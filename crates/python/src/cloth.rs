@@ -1,6 +1,6 @@
 //! The mesh and the default solver.
 
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard};
 
 use glam::DVec3;
 use numpy::PyArray2;
@@ -25,13 +25,17 @@ impl Mesh {
         let points = Points::read("rest", rest)?;
         let (quads, triangles) = faces("faces", Some(face_array))?;
         let rest = points.get().to_vec();
-        cloth::Mesh::new(rest, quads, triangles).map(Self).map_err(value_error)
+        cloth::Mesh::new(rest, quads, triangles)
+            .map(Self)
+            .map_err(value_error)
     }
 
     /// A rectangle of `nodes` (along x and y) and `sides` [m] around the origin, at z = 0.
     #[staticmethod]
     fn grid(nodes: [usize; 2], sides: [f64; 2]) -> PyResult<Self> {
-        cloth::Mesh::grid(nodes, sides).map(Self).map_err(value_error)
+        cloth::Mesh::grid(nodes, sides)
+            .map(Self)
+            .map_err(value_error)
     }
 
     /// The mesh of a Wavefront OBJ file.
@@ -79,7 +83,7 @@ impl Mesh {
 /// The inextensible cloth. `material` and `settings` are dictionaries of the fields that differ from
 /// the default (SI units).
 #[pyclass(frozen, module = "selvedge")]
-pub(crate) struct Cloth(Mutex<cloth::Simulator>);
+pub(crate) struct Cloth(pub(crate) Mutex<Box<dyn ClothSimulator + Send>>);
 
 /// Held nodes as they come from Python.
 pub(crate) struct Grasp {
@@ -100,7 +104,9 @@ impl Grasp {
         };
         let (nodes, targets, velocities): (Vec<u32>, Bound<'_, PyAny>, Bound<'_, PyAny>) =
             held.extract().map_err(|error| {
-                value_error(format!("held: must be (nodes, targets, velocities): {error}"))
+                value_error(format!(
+                    "held: must be (nodes, targets, velocities): {error}"
+                ))
             })?;
         Ok(Self {
             nodes,
@@ -135,7 +141,9 @@ fn merged<T: serde::Serialize + serde::de::DeserializeOwned>(
         let key: String = key.extract()?;
         let Some(place) = all.get_mut(&key) else {
             let known: Vec<&String> = all.keys().collect();
-            return Err(value_error(format!("{name}: {key} is not one of {known:?}")));
+            return Err(value_error(format!(
+                "{name}: {key} is not one of {known:?}"
+            )));
         };
         *place = match place {
             Value::Bool(_) => Value::Bool(value.extract()?),
@@ -148,7 +156,8 @@ fn merged<T: serde::Serialize + serde::de::DeserializeOwned>(
             }
         };
     }
-    serde_json::from_value(Value::Object(all)).map_err(|error| value_error(format!("{name}: {error}")))
+    serde_json::from_value(Value::Object(all))
+        .map_err(|error| value_error(format!("{name}: {error}")))
 }
 
 /// The default solver on a mesh.
@@ -176,8 +185,10 @@ fn report_out<'py>(py: Python<'py>, report: &StepReport) -> PyResult<Bound<'py, 
 }
 
 impl Cloth {
-    fn locked(&self) -> PyResult<std::sync::MutexGuard<'_, cloth::Simulator>> {
-        self.0.lock().map_err(|_| value_error("the cloth failed in an earlier step"))
+    fn locked(&self) -> PyResult<MutexGuard<'_, Box<dyn ClothSimulator + Send>>> {
+        self.0
+            .lock()
+            .map_err(|_| value_error("the cloth failed in an earlier step"))
     }
 }
 
@@ -190,7 +201,8 @@ impl Cloth {
         material: Option<&Bound<'_, PyDict>>,
         settings: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        Ok(Self(Mutex::new(simulator(mesh, material, settings)?)))
+        let simulator = simulator(mesh, material, settings)?;
+        Ok(Self(Mutex::new(Box::new(simulator))))
     }
 
     /// (N, 3) [m], a copy.
@@ -234,9 +246,14 @@ impl Cloth {
             Some(velocities) => Points::read("velocities", velocities)?.get().to_vec(),
             None => vec![DVec3::ZERO; positions.get().len()],
         };
-        self.locked()?.reset(positions.get(), &velocities).map_err(value_error)
+        self.locked()?
+            .reset(positions.get(), &velocities)
+            .map_err(value_error)
     }
 }
+
+/// A cloth and what its gripper holds.
+type Job<'a> = (&'a Mutex<Box<dyn ClothSimulator + Send>>, &'a Grasp);
 
 /// Steps several cloths on `threads` threads, with the held nodes of each; other Python threads run
 /// meanwhile. The same bits with any number of threads.
@@ -255,22 +272,31 @@ pub(crate) fn step_all<'py>(
     }
     let grasps = held.iter().map(|held| Grasp::read(Some(held)));
     let grasps = grasps.collect::<PyResult<Vec<_>>>()?;
-    let jobs: Vec<(&Mutex<cloth::Simulator>, &Grasp)> =
-        cloths.iter().map(|cloth| &cloth.0).zip(&grasps).collect();
+    let jobs: Vec<Job<'_>> = cloths.iter().map(|cloth| &cloth.0).zip(&grasps).collect();
     let share = jobs.len().div_ceil(threads.max(1)).max(1);
     let reports = py.detach(|| {
         std::thread::scope(|scope| {
-            let run = |jobs: &[(&Mutex<cloth::Simulator>, &Grasp)]| {
-                let one = |(cloth, grasp): &(&Mutex<cloth::Simulator>, &Grasp)| {
-                    let mut cloth = cloth.lock().map_err(|_| "it failed in an earlier step".to_owned())?;
-                    cloth.step(grasp.held(), dt).map_err(|error| error.to_string())
+            let run = |jobs: &[Job<'_>]| {
+                let one = |(cloth, grasp): &Job<'_>| {
+                    let mut cloth = cloth
+                        .lock()
+                        .map_err(|_| "it failed in an earlier step".to_owned())?;
+                    cloth
+                        .step(grasp.held(), dt)
+                        .map_err(|error| error.to_string())
                 };
-                jobs.iter().map(one).collect::<Vec<Result<StepReport, String>>>()
+                jobs.iter()
+                    .map(one)
+                    .collect::<Vec<Result<StepReport, String>>>()
             };
-            let parts: Vec<_> = jobs.chunks(share).map(|jobs| scope.spawn(move || run(jobs))).collect();
-            let join = |part: std::thread::ScopedJoinHandle<'_, Vec<Result<StepReport, String>>>| {
-                part.join().unwrap_or_default()
-            };
+            let parts: Vec<_> = jobs
+                .chunks(share)
+                .map(|jobs| scope.spawn(move || run(jobs)))
+                .collect();
+            let join = |part: std::thread::ScopedJoinHandle<
+                '_,
+                Vec<Result<StepReport, String>>,
+            >| { part.join().unwrap_or_default() };
             parts.into_iter().flat_map(join).collect::<Vec<_>>()
         })
     });

@@ -60,14 +60,18 @@ impl<'py> View<'py> {
                 view.edges = indices("edges", edges)?;
             }
         } else {
-            view.blank.resize(node_count("positions", positions)?, DVec3::ZERO);
+            view.blank
+                .resize(node_count("positions", positions)?, DVec3::ZERO);
         }
         Ok(view)
     }
 
     fn get(&self) -> grasp::ClothView<'_> {
         grasp::ClothView {
-            positions: self.points.as_ref().map_or(&self.blank, |points| points.get()),
+            positions: self
+                .points
+                .as_ref()
+                .map_or(&self.blank, |points| points.get()),
             edges: &self.edges,
             quads: &self.quads,
             triangles: &self.triangles,
@@ -86,7 +90,9 @@ impl Gripper {
             steps: 10,
         };
         let squeeze = squeeze.map_or(default, |squeeze| squeeze.0);
-        grasp::Gripper::new(volume.get(), squeeze).map(Self).map_err(value_error)
+        grasp::Gripper::new(volume.get(), squeeze)
+            .map(Self)
+            .map_err(value_error)
     }
 
     /// One step of `dt` [s]: the jaws are closed or not, and the gripper at `pose`, at its end;
@@ -94,7 +100,10 @@ impl Gripper {
     /// `alpha` in [0, 1] is used in place of the squeeze's own count. Returns nodes (K), targets
     /// (K, 3) [m] and velocities (K, 3) [m/s].
     #[pyo3(signature = (pose, closed, positions, faces=None, edges=None, dt=1.0 / 60.0, alpha=None))]
-    #[expect(clippy::too_many_arguments, reason = "one call a step, named in Python")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one call a step, named in Python"
+    )]
     fn step<'py>(
         &mut self,
         py: Python<'py>,
@@ -116,7 +125,10 @@ impl Gripper {
             alpha,
             ..grasp::Options::default()
         };
-        let held = self.0.step_with(command, dt, view.get(), options).map_err(value_error)?;
+        let held = self
+            .0
+            .step_with(command, dt, view.get(), options)
+            .map_err(value_error)?;
         held_out(py, held)
     }
 
@@ -173,9 +185,13 @@ impl Grippers {
     }
 
     /// One step of all grippers: `poses` (G, 7) px py pz qx qy qz qw and `closed` (G) at its end, the
-    /// rest as in `Gripper.step`.
-    #[pyo3(signature = (poses, closed, positions, faces=None, edges=None, dt=1.0 / 60.0))]
-    #[expect(clippy::too_many_arguments, reason = "one call a step, named in Python")]
+    /// rest as in `Gripper.step`. Closing jaws store `anchors` (N, 3) [m], if given, in place of the
+    /// positions.
+    #[pyo3(signature = (poses, closed, positions, faces=None, edges=None, dt=1.0 / 60.0, anchors=None))]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one call a step, named in Python"
+    )]
     fn step<'py>(
         &mut self,
         py: Python<'py>,
@@ -185,6 +201,7 @@ impl Grippers {
         faces: Option<&Bound<'py, PyAny>>,
         edges: Option<&Bound<'py, PyAny>>,
         dt: f64,
+        anchors: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let count = self.inner.grippers().len();
         if poses.len() != count || closed.len() != count {
@@ -204,7 +221,18 @@ impl Grippers {
         let mut pairs = self.inner.grippers().iter().zip(&closed);
         let closing = pairs.any(|(gripper, &closed)| closed && !gripper.jaw().is_closed());
         let view = View::read(closing, positions, faces, edges)?;
-        let held = self.inner.step(&commands, dt, view.get()).map_err(value_error)?;
+        let anchors = anchors.filter(|anchors| !anchors.is_none());
+        let anchors = anchors
+            .map(|anchors| Points::read("anchors", anchors))
+            .transpose()?;
+        let options = grasp::Options {
+            anchors: anchors.as_ref().map(Points::get),
+            ..grasp::Options::default()
+        };
+        let held = self
+            .inner
+            .step_with(&commands, dt, view.get(), options)
+            .map_err(value_error)?;
         held_out(py, held)
     }
 
@@ -214,13 +242,18 @@ impl Grippers {
     }
 
     /// For each of `node_count` nodes the number of the gripper that holds it, from 1, or 0.
-    fn holders<'py>(&self, py: Python<'py>, node_count: usize) -> PyResult<Bound<'py, PyArray1<u8>>> {
+    fn holders<'py>(
+        &self,
+        py: Python<'py>,
+        node_count: usize,
+    ) -> PyResult<Bound<'py, PyArray1<u8>>> {
         let mut holders = vec![0; node_count];
         for (number, gripper) in self.inner.grippers().iter().enumerate() {
             for &node in gripper.nodes() {
                 let holder = holders.get_mut(node as usize);
-                *holder.ok_or_else(|| value_error(format!("node_count: {node_count}, node {node} is held")))? =
-                    number as u8 + 1;
+                *holder.ok_or_else(|| {
+                    value_error(format!("node_count: {node_count}, node {node} is held"))
+                })? = number as u8 + 1;
             }
         }
         Ok(PyArray1::from_vec(py, holders))
@@ -229,11 +262,18 @@ impl Grippers {
     /// How much of each squeeze is done, 0 to 1.
     #[getter]
     fn alphas(&self) -> Vec<f64> {
-        self.inner.grippers().iter().map(grasp::Gripper::alpha).collect()
+        self.inner
+            .grippers()
+            .iter()
+            .map(grasp::Gripper::alpha)
+            .collect()
     }
 }
 
 /// px py pz qx qy qz qw of each command.
 pub(crate) fn poses_out(commands: &[Command]) -> Vec<f64> {
-    commands.iter().flat_map(|command| seven(&command.pose)).collect()
+    commands
+        .iter()
+        .flat_map(|command| seven(&command.pose))
+        .collect()
 }

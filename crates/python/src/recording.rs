@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use glam::DVec3;
-use numpy::{PyArray1, PyArray2, PyArray3};
 use numpy::prelude::*;
+use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use selvedge_math::Command;
 use selvedge_view as view;
@@ -72,20 +72,28 @@ impl Recording {
             ("alphas", alphas.len(), grippers),
         ] {
             if found != wanted {
-                return Err(value_error(format!("{name}: {found} rows, must be {wanted}")));
+                return Err(value_error(format!(
+                    "{name}: {found} rows, must be {wanted}"
+                )));
             }
         }
-        let states = poses.iter().zip(&closed).zip(&alphas).map(|((pose, &closed), &alpha)| {
-            Ok(view::GripperState {
-                command: Command {
-                    pose: Pose::from_seven(pose)?,
-                    jaw: jaw(closed),
-                },
-                alpha,
-            })
-        });
+        let states = poses
+            .iter()
+            .zip(&closed)
+            .zip(&alphas)
+            .map(|((pose, &closed), &alpha)| {
+                Ok(view::GripperState {
+                    command: Command {
+                        pose: Pose::from_seven(pose)?,
+                        jaw: jaw(closed),
+                    },
+                    alpha,
+                })
+            });
         let states = states.collect::<PyResult<Vec<_>>>()?;
-        self.0.push(time, points.get(), &states, &holders).map_err(value_error)
+        self.0
+            .push(time, points.get(), &states, &holders)
+            .map_err(value_error)
     }
 
     fn write(&self, path: PathBuf) -> PyResult<()> {
@@ -125,7 +133,10 @@ impl Recording {
         height: u32,
     ) -> PyResult<Bound<'py, PyArray3<u8>>> {
         let camera = self.0.camera(width, height);
-        let picture = self.0.picture(self.index(frame)?, &camera, width, height).map_err(value_error)?;
+        let picture = self
+            .0
+            .picture(self.index(frame)?, &camera, width, height)
+            .map_err(value_error)?;
         let shape = [picture.height as usize, picture.width as usize, 3];
         PyArray1::from_vec(py, picture.pixels).reshape(shape)
     }
@@ -141,7 +152,9 @@ impl Recording {
         let index = if frame < 0 { count + frame } else { frame };
         match (0..count).contains(&index) {
             true => Ok(index as usize),
-            false => Err(value_error(format!("frame: {frame}, must be within {count} frames"))),
+            false => Err(value_error(format!(
+                "frame: {frame}, must be within {count} frames"
+            ))),
         }
     }
 }
@@ -176,7 +189,9 @@ pub(crate) fn write_page(
     let mut ideals: Vec<Option<Vec<DVec3>>> = Vec::with_capacity(clips.len());
     for (_, _, _, ideal, _) in &clips {
         let points = ideal.as_ref().filter(|ideal| !ideal.is_none());
-        let points = points.map(|ideal| Points::read("ideal", ideal)).transpose()?;
+        let points = points
+            .map(|ideal| Points::read("ideal", ideal))
+            .transpose()?;
         ideals.push(points.map(|points| points.get().to_vec()));
     }
     let clips: Vec<view::Clip<'_>> = clips

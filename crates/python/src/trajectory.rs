@@ -39,7 +39,11 @@ impl Sweep {
         let orientation = match orientation {
             "slerp" => trajectory::Orientation::Slerp,
             "nlerp" => trajectory::Orientation::Nlerp,
-            other => return Err(value_error(format!("orientation: {other}, must be slerp or nlerp"))),
+            other => {
+                return Err(value_error(format!(
+                    "orientation: {other}, must be slerp or nlerp"
+                )));
+            }
         };
         let [from, to] = [start_xyzw, end_xyzw].map(DQuat::from_array);
         let path = trajectory::QuadBezier { start, mid, end };
@@ -66,12 +70,23 @@ pub(crate) struct Schedule(trajectory::Schedule);
 impl Schedule {
     #[staticmethod]
     #[pyo3(signature = (sweep, close, start, open, end, law="quintic"))]
-    fn fold(sweep: &Sweep, close: f64, start: f64, open: f64, end: f64, law: &str) -> PyResult<Self> {
+    fn fold(
+        sweep: &Sweep,
+        close: f64,
+        start: f64,
+        open: f64,
+        end: f64,
+        law: &str,
+    ) -> PyResult<Self> {
         let law = match law {
             "linear" => trajectory::Law::Linear,
             "cubic" => trajectory::Law::Cubic,
             "quintic" => trajectory::Law::Quintic,
-            other => return Err(value_error(format!("law: {other}, must be linear, cubic or quintic"))),
+            other => {
+                return Err(value_error(format!(
+                    "law: {other}, must be linear, cubic or quintic"
+                )));
+            }
         };
         let times = trajectory::FoldTimes {
             close,
@@ -79,7 +94,9 @@ impl Schedule {
             open,
             end,
         };
-        trajectory::Schedule::fold(sweep.0, law, times).map(Self).map_err(value_error)
+        trajectory::Schedule::fold(sweep.0, law, times)
+            .map(Self)
+            .map_err(value_error)
     }
 
     /// [s]
@@ -99,12 +116,20 @@ impl Schedule {
 /// `frame` and `source`.
 #[pyfunction]
 pub(crate) fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
-    let file = File::open(&path).map_err(|error| value_error(format!("{}: {error}", path.display())))?;
+    let file =
+        File::open(&path).map_err(|error| value_error(format!("{}: {error}", path.display())))?;
     let name = path.display().to_string();
     let log = log::read(BufReader::new(file), &name).map_err(value_error)?;
     let times: Vec<f64> = log.samples.iter().map(|sample| sample.time).collect();
-    let closed: Vec<bool> = log.samples.iter().map(|sample| sample.command.jaw.is_closed()).collect();
-    let poses = log.samples.iter().flat_map(|sample| seven(&sample.command.pose));
+    let closed: Vec<bool> = log
+        .samples
+        .iter()
+        .map(|sample| sample.command.jaw.is_closed())
+        .collect();
+    let poses = log
+        .samples
+        .iter()
+        .flat_map(|sample| seven(&sample.command.pose));
     let poses: Bound<'_, PyArray2<f64>> =
         PyArray1::from_vec(py, poses.collect()).reshape([times.len(), 7])?;
     let fields = PyDict::new(py);
@@ -130,7 +155,9 @@ pub(crate) fn write_log(
 ) -> PyResult<()> {
     if t.len() != pose.len() || t.len() != closed.len() {
         let counts = format!("{}, {} and {}", t.len(), pose.len(), closed.len());
-        return Err(value_error(format!("t, pose and closed: {counts} rows, must be as many")));
+        return Err(value_error(format!(
+            "t, pose and closed: {counts} rows, must be as many"
+        )));
     }
     let mut all = log::Log::new(source);
     all.tip_offset = DVec3::from_array(tip_offset);

@@ -71,7 +71,9 @@ impl Pose {
     pub(crate) fn from_seven(values: &[f64]) -> PyResult<math::Pose> {
         let [x, y, z, i, j, k, w] = *values else {
             let count = values.len();
-            return Err(value_error(format!("pose: {count} numbers, must be 7: px py pz qx qy qz qw")));
+            return Err(value_error(format!(
+                "pose: {count} numbers, must be 7: px py pz qx qy qz qw"
+            )));
         };
         math::Pose::new(DVec3::new(x, y, z), DQuat::from_xyzw(i, j, k, w)).map_err(value_error)
     }

@@ -38,8 +38,14 @@ impl World {
             quads: mesh.quads(),
             triangles: mesh.triangles(),
         };
-        let held = self.grippers.step(commands, dt, view).map_err(|error| error.to_string())?;
-        let report = self.cloth.step(held, dt).map_err(|error| error.to_string())?;
+        let held = self
+            .grippers
+            .step(commands, dt, view)
+            .map_err(|error| error.to_string())?;
+        let report = self
+            .cloth
+            .step(held, dt)
+            .map_err(|error| error.to_string())?;
         self.strain = report.strain.unwrap_or(0.0);
         Ok(())
     }
@@ -65,7 +71,9 @@ impl Worlds {
             })
         };
         if count == 0 || threads == 0 {
-            return Err(value_error(format!("{count} worlds on {threads} threads, must be one each")));
+            return Err(value_error(format!(
+                "{count} worlds on {threads} threads, must be one each"
+            )));
         }
         Ok(Self {
             mesh: mesh.0.clone(),
@@ -86,13 +94,19 @@ impl Worlds {
         let wanted = self.worlds.len();
         if poses.len() != wanted || closed.len() != wanted {
             let counts = format!("{} and {} worlds", poses.len(), closed.len());
-            return Err(value_error(format!("poses and closed: {counts}, must be {wanted}")));
+            return Err(value_error(format!(
+                "poses and closed: {counts}, must be {wanted}"
+            )));
         }
         let mut commands: Vec<Vec<Command>> = Vec::with_capacity(wanted);
         for (number, (poses, closed)) in poses.iter().zip(&closed).enumerate() {
             let count = self.worlds[number].grippers.grippers().len();
             if poses.len() != count || closed.len() != count {
-                let text = format!("world {number}: {} poses, {} jaws, must be {count}", poses.len(), closed.len());
+                let text = format!(
+                    "world {number}: {} poses, {} jaws, must be {count}",
+                    poses.len(),
+                    closed.len()
+                );
                 return Err(value_error(text));
             }
             let command = |(pose, &closed): (&Vec<f64>, &bool)| -> PyResult<Command> {
@@ -101,7 +115,13 @@ impl Worlds {
                     jaw: jaw(closed),
                 })
             };
-            commands.push(poses.iter().zip(closed).map(command).collect::<PyResult<_>>()?);
+            commands.push(
+                poses
+                    .iter()
+                    .zip(closed)
+                    .map(command)
+                    .collect::<PyResult<_>>()?,
+            );
         }
         let share = wanted.div_ceil(self.threads);
         let (mesh, worlds) = (&self.mesh, &mut self.worlds);
@@ -126,7 +146,11 @@ impl Worlds {
         if results.len() != wanted {
             return Err(value_error("a thread failed"));
         }
-        match results.into_iter().enumerate().find_map(|(k, result)| Some((k, result.err()?))) {
+        match results
+            .into_iter()
+            .enumerate()
+            .find_map(|(k, result)| Some((k, result.err()?)))
+        {
             None => Ok(()),
             Some((number, error)) => Err(value_error(format!("world {number}: {error}"))),
         }
@@ -140,8 +164,12 @@ impl Worlds {
         let bound = || value_error(format!("world: {world}, must be below {count}"));
         let target = self.worlds.get_mut(world).ok_or_else(bound)?;
         let points = positions.filter(|points| !points.is_none());
-        let points = points.map(|points| Points::read("positions", points)).transpose()?;
-        let start: &[Point] = points.as_ref().map_or(self.mesh.rest(), |points| points.get());
+        let points = points
+            .map(|points| Points::read("positions", points))
+            .transpose()?;
+        let start: &[Point] = points
+            .as_ref()
+            .map_or(self.mesh.rest(), |points| points.get());
         let still = vec![DVec3::ZERO; start.len()];
         target.cloth.reset(start, &still).map_err(value_error)?;
         target.grippers.reset();
@@ -168,7 +196,10 @@ impl Worlds {
     #[getter]
     fn held_counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
         let grippers = self.worlds[0].grippers.grippers().len();
-        let counts = self.worlds.iter().flat_map(|world| world.grippers.grippers());
+        let counts = self
+            .worlds
+            .iter()
+            .flat_map(|world| world.grippers.grippers());
         let counts: Vec<u32> = counts.map(|gripper| gripper.nodes().len() as u32).collect();
         PyArray1::from_vec(py, counts).reshape([self.worlds.len(), grippers])
     }
