@@ -50,6 +50,11 @@ impl Scenario {
         self.0.frame
     }
 
+    /// The time [s] after a number of steps.
+    fn time(&self, steps: usize) -> f64 {
+        self.0.time(steps)
+    }
+
     #[getter]
     fn steps(&self) -> usize {
         self.0.steps

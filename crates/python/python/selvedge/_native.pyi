@@ -193,6 +193,9 @@ class Worlds:
     def strains(self) -> NDArray[np.float64]:
         """Largest edge strain of the last step of each world (W)."""
     @property
+    def failures(self) -> list[str | None]:
+        """Why the last step of each world failed, or None. A cloth that failed stays as it was."""
+    @property
     def held_counts(self) -> NDArray[np.uint32]:
         """How many nodes each gripper of each world holds (W, G)."""
 
@@ -247,6 +250,8 @@ class Scenario:
     @property
     def dt(self) -> float:
         """The period of the commands [s]."""
+    def time(self, steps: int) -> float:
+        """The time [s] after a number of steps."""
     @property
     def steps(self) -> int: ...
     @property

@@ -77,7 +77,7 @@ def fold(
         cloth.step(held, dt)
         result.seconds += time.perf_counter() - start
         positions = cloth.positions
-        now = (step + 1) * dt
+        now = scenario.time(step + 1)
         holders = grippers.holders(len(positions))
         for gripper in np.flatnonzero(closed[step] & ~was):
             size = int((holders == gripper + 1).sum())

@@ -1,8 +1,8 @@
 """MuJoCo's flex cloth (its package `mujoco`, 3.3 or later).
 
 The grasp is found at closing time; nothing is compiled anew. Each node is a body on three slides. A
-held node gets a rotor inertia so large that no force of the cloth moves it, and the velocity that
-takes it to its target.
+held one gets the velocity that takes it to its target, and an inertia so large that no force of the
+cloth changes it. (MuJoCo reads the inertia of such bodies from `dof_M0`, and not from `dof_armature`.)
 """
 
 from collections.abc import Mapping
@@ -26,13 +26,13 @@ class MuJoCo:
         fall = gravity * material["gravitational_density"] / material["density"]
         radius = material["thickness"] / 2
         self.model = mujoco.MjModel.from_xml_string(f"""
-            <mujoco><option gravity="0 0 {-fall}" solver="CG" iterations="100" tolerance="1e-6"/>
-            <size memory="200M"/>
+            <mujoco><option gravity="0 0 {-fall}" solver="Newton" iterations="10" tolerance="1e-6"/>
+            <size memory="1G"/>
             <worldbody><geom type="plane" size="0 0 1" pos="0 0 {-radius}" friction="{material["friction_table"]}"/>
             <flexcomp name="cloth" type="direct" dim="2" radius="{radius}" mass="1"
                 point="{" ".join(map(repr, rest.ravel().tolist()))}"
                 element="{" ".join(map(str, faces.ravel().tolist()))}">
-            <edge equality="true"/><contact selfcollide="auto" condim="3" friction="{material["friction_cloth"]}"/>
+            <edge equality="true" solref="{2 * substep} 1" solimp="0.99 0.9999 0.001"/><contact selfcollide="auto" condim="3" friction="{material["friction_cloth"]}"/>
             </flexcomp></worldbody></mujoco>""")
         bodies = self.model.flex_vertbodyid
         self.dofs = self.model.body_dofadr[bodies][:, None] + np.arange(3)
@@ -41,6 +41,7 @@ class MuJoCo:
         self.model.dof_damping[self.dofs] = (mass * material["damping"] / material["density"])[:, None]
         self.data = mujoco.MjData(self.model)
         mujoco.mj_setConst(self.model, self.data)
+        self.inertia = self.model.dof_M0.copy()
         self.rest, self.substep = rest, substep
 
     @property
@@ -63,8 +64,8 @@ class MuJoCo:
         dofs, goal = self.dofs[nodes], targets - self.rest[nodes]
         count = int(np.ceil(dt / self.substep - 1e-9))
         self.model.opt.timestep = dt / count
-        self.model.dof_armature[:] = 0
-        self.model.dof_armature[dofs] = HEAVY
+        self.model.dof_M0[:] = self.inertia
+        self.model.dof_M0[dofs] = HEAVY
         for left in range(count, 0, -1):
             self.data.qvel[dofs] = (goal - self.data.qpos[dofs]) * (count / (left * dt))
             mujoco.mj_step(self.model, self.data)

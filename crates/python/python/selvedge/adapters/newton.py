@@ -50,6 +50,7 @@ class Newton:
         self.contacts = self.collisions.contacts()
         self.states = [self.model.state(), self.model.state()]
         self.flags = self.model.particle_flags.numpy()
+        self.captured = 0.0  # the substep of the recorded graph
         self.decay, self.substep = material["damping"] / density, substep
 
     @property
@@ -70,13 +71,22 @@ class Newton:
         self.flags[nodes] = 0
         start = self.positions[nodes]
         count = int(np.ceil(dt / self.substep - 1e-9))
-        h = dt / count
+        if self.captured != dt / count:
+            with wp.ScopedCapture(device="cpu") as capture:
+                self.simulate(dt / count)
+            self.graph, self.captured = capture.graph, dt / count
+        state = self.states[0]
         for k in range(count):
-            now, after = self.states
-            now.particle_q.numpy()[nodes] = start + (targets - start) * ((k + 1) / count)
-            now.clear_forces()
-            self.collisions.collide(now, self.contacts)
-            self.solver.step(now, after, None, self.contacts, h)
-            after.particle_qd.numpy()[:] *= np.exp(-self.decay * h)
-            after.particle_qd.numpy()[nodes] = velocities
-            self.states = [after, now]
+            state.particle_q.numpy()[nodes] = start + (targets - start) * ((k + 1) / count)
+            wp.capture_launch(self.graph)
+            state.particle_qd.numpy()[:] *= np.exp(-self.decay * dt / count)
+            state.particle_qd.numpy()[nodes] = velocities
+
+    def simulate(self, h: float) -> None:
+        """A substep of `h` [s], which is recorded once: calls from Python take longer than it."""
+        now, after = self.states
+        now.clear_forces()
+        self.collisions.collide(now, self.contacts)
+        self.solver.step(now, after, None, self.contacts, h)
+        wp.copy(now.particle_q, after.particle_q)
+        wp.copy(now.particle_qd, after.particle_qd)
