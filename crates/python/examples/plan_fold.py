@@ -59,7 +59,8 @@ def main() -> None:
         mean, spread = plans[order[:BEST]].mean(axis=0), plans[order[:BEST]].std(axis=0)
         if cost[order[0]] < least:
             best, least = plans[order[0]], cost[order[0]]
-        print(f"round {number:2}: E = {100 * least:.3f} %")
+        middle = np.median(cost[order[:BEST]])
+        print(f"round {number:2}: E = {100 * least:.3f} %, of the best {BEST} {100 * middle:.3f} %", flush=True)
     print(f"mid ({best[0]:.3f}, {best[1]:.3f}) m, end ({best[2]:.3f}, {best[3]:.3f}) m, turned {best[4]:.2f} rad")
     print(f"gain: {first / least:.1f} times, {time.perf_counter() - start:.0f} s")
     assert least < 0.7 * first

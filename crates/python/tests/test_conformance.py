@@ -23,7 +23,7 @@ TOLERANCE = {"default": 1e-12, "xpbd": 1e-12, "mujoco": 1e-12, "newton": 1e-6}  
 def name(request: pytest.FixtureRequest) -> str:
     packages = {"mujoco": ["mujoco"], "newton": ["newton", "warp"]}
     for package in packages.get(request.param, []):
-        if "SELVEDGE_ALL" in os.environ:
+        if os.environ.get("CI") == "true":  # where a skip is a failure
             __import__(package)
         pytest.importorskip(package)
     return str(request.param)

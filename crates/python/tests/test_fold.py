@@ -44,13 +44,13 @@ def test_unknown_case_is_told(capsys: pytest.CaptureFixture[str], tmp_path: Path
     assert not (tmp_path / "none").exists()
 
 
-@pytest.mark.parametrize("name", ["xpbd", "mujoco"])
-def test_short_fold_elsewhere(corner_fold: Scenario, name: str) -> None:
+@pytest.mark.parametrize(("name", "steps"), [("xpbd", 160), ("mujoco", 160), ("newton", 80)])
+def test_short_fold_elsewhere(corner_fold: Scenario, name: str, steps: int) -> None:
     if name != "xpbd":
         pytest.importorskip(name)
-    run = fold.fold(corner_fold, "C8", name, steps=160)
-    here = fold.fold(corner_fold, "C8", "default", steps=160)
+    run = fold.fold(corner_fold, "C8", name, steps)
+    here = fold.fold(corner_fold, "C8", "default", steps)
     assert run.support == here.support
     corner = run.recording.positions()[643]
-    assert corner == pytest.approx(here.recording.positions()[643], abs=1e-4)
-    assert corner[2] > 0.02
+    assert corner == pytest.approx(here.recording.positions()[643], abs=1e-5)
+    assert corner[2] > (0.02 if steps > 120 else 1e-4)  # it starts to move in step 120

@@ -32,6 +32,7 @@ from ._native import (
     write_log,
     write_page,
 )
+from .lerobot import to_lerobot
 
 __all__ = [
     "BoxVolume",
@@ -52,6 +53,7 @@ __all__ = [
     "half_fold",
     "read_log",
     "step_all",
+    "to_lerobot",
     "write_log",
     "write_page",
 ]
