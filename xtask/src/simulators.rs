@@ -50,7 +50,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode> {
             code = ExitCode::from(2);
             continue;
         }
-        let adapter = metadata.workspace_root.join(ADAPTERS).join(format!("{name}.py"));
+        let adapter = metadata
+            .workspace_root
+            .join(ADAPTERS)
+            .join(format!("{name}.py"));
         table += &rows(name, &folder.join("table.csv"), &lines(&adapter))?;
     }
     print!("{table}");
@@ -85,10 +88,16 @@ mod tests {
 
     #[test]
     fn a_row_of_the_csv_file_is_a_row_of_the_table() {
-        let csv = "case,support,E [%],strain [%],speed\r\nC1,1,0.5,1.25,1.90\r\nC8,4,0.0,1.5,1.8\r\n";
+        let csv =
+            "case,support,E [%],strain [%],speed\r\nC1,1,0.5,1.25,1.90\r\nC8,4,0.0,1.5,1.8\r\n";
         let wanted = "| xpbd | C1 | 1 | 0.5 | 1.25 | 1.90 | 82 |\n| xpbd | C8 | 4 | 0.0 | 1.5 | 1.8 | 82 |\n";
         assert_eq!(table_rows("xpbd", csv, "82"), wanted);
         let columns = |line: &str| line.matches('|').count();
-        assert!(HEADER.lines().chain(wanted.lines()).all(|line| columns(line) == 8));
+        assert!(
+            HEADER
+                .lines()
+                .chain(wanted.lines())
+                .all(|line| columns(line) == 8)
+        );
     }
 }

@@ -318,6 +318,16 @@ def fold_error(positions: Floats, reference: Floats, diagonal: float) -> float:
 def half_fold(mesh: Mesh, thickness: float) -> NDArray[np.float64]:
     """The ideal half fold (N, 3) [m]: nodes with y > 0 mirrored to -y at `thickness` [m]."""
 
+def reach(
+    path: File,
+    robot: Literal["fr3", "fer"] = "fr3",
+    base: Vector | None = None,
+    table: float = 0.0,
+) -> dict[str, Any]:
+    """Whether a robot can follow a command log: `feasible`, `base`, `flip`, `joints`, `blocked`, `offers`.
+
+    `base` is x y z [m] and yaw [rad] in the frame of the log; without it the best one is searched."""
+
 def read_log(path: File) -> dict[str, Any]:
     """A command log: `t`, `pose`, `closed`, `tip_offset`, `frame` and `source`."""
 
