@@ -14,6 +14,7 @@ mod reach;
 mod report;
 mod scenes;
 mod show;
+mod simulators;
 mod test;
 mod workspace;
 
@@ -40,6 +41,8 @@ enum Command {
     Show(show::Arguments),
     /// Simulate scenes with a known answer and record them.
     Scenes(scenes::Arguments),
+    /// Run the folds of a scenario on other people's simulators, from Python, and tabulate them.
+    Simulators(simulators::Arguments),
     /// Run every test, doctest and example.
     Test(test::Arguments),
     /// Check which crate needs which, and where heavy packages are named.
@@ -55,6 +58,7 @@ fn main() -> ExitCode {
         Command::Export(arguments) => export::run(&arguments),
         Command::Show(arguments) => show::run(&arguments),
         Command::Scenes(arguments) => scenes::run(&arguments),
+        Command::Simulators(arguments) => simulators::run(&arguments),
         Command::Test(arguments) => test::run(&arguments),
         Command::Layers => layers::run(),
         Command::Ci => ci::run(),

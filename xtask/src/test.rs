@@ -66,6 +66,8 @@ pub(crate) fn steps(metadata: &Metadata, with_python: bool, report: &mut Report)
         Ok(Outcome::Passed)
     });
 
+    python_package(metadata, python.as_ref(), report);
+
     let mut examples = Vec::new();
     report.step("examples built", || {
         examples = build_examples(metadata)?;
@@ -84,6 +86,46 @@ pub(crate) fn steps(metadata: &Metadata, with_python: bool, report: &mut Report)
             Ok(Outcome::Passed)
         });
     }
+}
+
+/// The Python package, installed into the environment, its tests, types and example.
+fn python_package(metadata: &Metadata, python: Option<&Utf8PathBuf>, report: &mut Report) {
+    let folder = metadata.workspace_root.join("crates/python");
+    let mut installed = false;
+    report.step("Python package", || {
+        let Some(python) = python else {
+            return lacking("no Python environment");
+        };
+        install_package(metadata, python)?;
+        installed = true;
+        Ok(Outcome::Passed)
+    });
+    for (name, arguments) in [
+        ("Python tests", "-m pytest -q -ra -p no:cacheprovider"),
+        ("Python types", "-m mypy --cache-dir /dev/null"),
+        ("Python example plan_fold", "examples/plan_fold.py"),
+    ] {
+        report.step(name, || {
+            let Some(python) = python.filter(|_| installed) else {
+                return lacking("the Python package is not installed");
+            };
+            let mut run = command(metadata, python.as_str(), arguments);
+            succeed(run.current_dir(&folder))?;
+            Ok(Outcome::Passed)
+        });
+    }
+}
+
+/// Builds the Python package and puts it into an environment.
+pub(crate) fn install_package(metadata: &Metadata, python: &Utf8PathBuf) -> Result<()> {
+    let arguments = "-m pip install --quiet --no-deps --no-build-isolation --force-reinstall";
+    let mut install = command(metadata, python.as_str(), arguments);
+    // The build finds maturin beside the interpreter.
+    let tools = python.parent().context("Python has no folder")?;
+    let path = std::env::var("PATH").unwrap_or_default();
+    install.env("PATH", format!("{tools}:{path}"));
+    install.env("CARGO_TARGET_DIR", &metadata.target_directory);
+    succeed(install.arg("./crates/python")).context("the Python package could not be built")
 }
 
 /// Names and programs of all examples.
@@ -115,7 +157,7 @@ fn build_examples(metadata: &Metadata) -> Result<Vec<(String, Utf8PathBuf)>> {
 
 /// The Python of an environment that holds what `python-requirements.txt` asks for. It is made anew
 /// when that file has changed or its Python has gone.
-fn python_environment(metadata: &Metadata) -> Result<Utf8PathBuf> {
+pub(crate) fn python_environment(metadata: &Metadata) -> Result<Utf8PathBuf> {
     let requirements = metadata
         .workspace_root
         .join("xtask/python-requirements.txt");

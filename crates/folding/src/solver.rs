@@ -53,7 +53,7 @@ impl Solver {
 
     /// The positions that a closing gripper stores, where they are not those of the nodes: the
     /// original reads the cloth through a smoother.
-    pub(crate) fn anchors(self, scenario: &Scenario, positions: &[DVec3]) -> Option<Vec<DVec3>> {
+    pub fn anchors(self, scenario: &Scenario, positions: &[DVec3]) -> Option<Vec<DVec3>> {
         match self {
             Self::Published => Some(selvedge_published::smoothed(&scenario.mesh, positions)),
             Self::Default => None,

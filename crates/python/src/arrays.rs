@@ -18,14 +18,14 @@ impl<'py> Points<'py> {
         if let Ok(array) = value.cast::<PyArray2<f64>>() {
             let array = array.try_readonly().map_err(|_| in_use(name))?;
             check_shape(name, array.shape())?;
-            let flat = array.as_slice().map_err(|_| not_contiguous(name))?;
+            let flat = in_order(name, &array)?;
             finite(name, bytemuck::cast_slice(flat))?;
             return Ok(Self::Borrowed(array));
         }
         if let Ok(array) = value.cast::<PyArray2<f32>>() {
             let array = array.try_readonly().map_err(|_| in_use(name))?;
             check_shape(name, array.shape())?;
-            let flat = array.as_slice().map_err(|_| not_contiguous(name))?;
+            let flat = in_order(name, &array)?;
             let points = flat.chunks_exact(3);
             let points: Vec<DVec3> = points
                 .map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()))
@@ -88,6 +88,17 @@ fn not_contiguous(name: &str) -> PyErr {
     ))
 }
 
+/// The numbers row by row; numpy's own accessor also hands out those of a Fortran array, by columns.
+fn in_order<'a, T: numpy::Element>(
+    name: &str,
+    array: &'a PyReadonlyArray2<'_, T>,
+) -> PyResult<&'a [T]> {
+    match array.as_slice() {
+        Ok(values) if array.is_c_contiguous() => Ok(values),
+        _ => Err(not_contiguous(name)),
+    }
+}
+
 fn in_use(name: &str) -> PyErr {
     PyValueError::new_err(format!("{name}: is being written to elsewhere"))
 }
@@ -116,7 +127,7 @@ pub(crate) fn indices<const K: usize>(
                         "{name}: shape is {:?}, must be (F, {K})", array.shape()
                     )));
                 }
-                let flat = array.as_slice().map_err(|_| not_contiguous(name))?;
+                let flat = in_order(name, &array)?;
                 let index = |value: &$kind| u32::try_from(*value).map_err(|_| {
                     PyValueError::new_err(format!("{name}: {value}, must be a node's number"))
                 });

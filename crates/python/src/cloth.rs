@@ -1,6 +1,6 @@
 //! The mesh and the default solver.
 
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard};
 
 use glam::DVec3;
 use numpy::PyArray2;
@@ -83,7 +83,7 @@ impl Mesh {
 /// The inextensible cloth. `material` and `settings` are dictionaries of the fields that differ from
 /// the default (SI units).
 #[pyclass(frozen, module = "selvedge")]
-pub(crate) struct Cloth(Mutex<cloth::Simulator>);
+pub(crate) struct Cloth(pub(crate) Mutex<Box<dyn ClothSimulator + Send>>);
 
 /// Held nodes as they come from Python.
 pub(crate) struct Grasp {
@@ -185,7 +185,7 @@ fn report_out<'py>(py: Python<'py>, report: &StepReport) -> PyResult<Bound<'py, 
 }
 
 impl Cloth {
-    fn locked(&self) -> PyResult<std::sync::MutexGuard<'_, cloth::Simulator>> {
+    fn locked(&self) -> PyResult<MutexGuard<'_, Box<dyn ClothSimulator + Send>>> {
         self.0
             .lock()
             .map_err(|_| value_error("the cloth failed in an earlier step"))
@@ -201,7 +201,8 @@ impl Cloth {
         material: Option<&Bound<'_, PyDict>>,
         settings: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        Ok(Self(Mutex::new(simulator(mesh, material, settings)?)))
+        let simulator = simulator(mesh, material, settings)?;
+        Ok(Self(Mutex::new(Box::new(simulator))))
     }
 
     /// (N, 3) [m], a copy.
@@ -251,6 +252,9 @@ impl Cloth {
     }
 }
 
+/// A cloth and what its gripper holds.
+type Job<'a> = (&'a Mutex<Box<dyn ClothSimulator + Send>>, &'a Grasp);
+
 /// Steps several cloths on `threads` threads, with the held nodes of each; other Python threads run
 /// meanwhile. The same bits with any number of threads.
 #[pyfunction]
@@ -268,13 +272,12 @@ pub(crate) fn step_all<'py>(
     }
     let grasps = held.iter().map(|held| Grasp::read(Some(held)));
     let grasps = grasps.collect::<PyResult<Vec<_>>>()?;
-    let jobs: Vec<(&Mutex<cloth::Simulator>, &Grasp)> =
-        cloths.iter().map(|cloth| &cloth.0).zip(&grasps).collect();
+    let jobs: Vec<Job<'_>> = cloths.iter().map(|cloth| &cloth.0).zip(&grasps).collect();
     let share = jobs.len().div_ceil(threads.max(1)).max(1);
     let reports = py.detach(|| {
         std::thread::scope(|scope| {
-            let run = |jobs: &[(&Mutex<cloth::Simulator>, &Grasp)]| {
-                let one = |(cloth, grasp): &(&Mutex<cloth::Simulator>, &Grasp)| {
+            let run = |jobs: &[Job<'_>]| {
+                let one = |(cloth, grasp): &Job<'_>| {
                     let mut cloth = cloth
                         .lock()
                         .map_err(|_| "it failed in an earlier step".to_owned())?;

@@ -185,8 +185,9 @@ impl Grippers {
     }
 
     /// One step of all grippers: `poses` (G, 7) px py pz qx qy qz qw and `closed` (G) at its end, the
-    /// rest as in `Gripper.step`.
-    #[pyo3(signature = (poses, closed, positions, faces=None, edges=None, dt=1.0 / 60.0))]
+    /// rest as in `Gripper.step`. Closing jaws store `anchors` (N, 3) [m], if given, in place of the
+    /// positions.
+    #[pyo3(signature = (poses, closed, positions, faces=None, edges=None, dt=1.0 / 60.0, anchors=None))]
     #[expect(
         clippy::too_many_arguments,
         reason = "one call a step, named in Python"
@@ -200,6 +201,7 @@ impl Grippers {
         faces: Option<&Bound<'py, PyAny>>,
         edges: Option<&Bound<'py, PyAny>>,
         dt: f64,
+        anchors: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let count = self.inner.grippers().len();
         if poses.len() != count || closed.len() != count {
@@ -219,9 +221,17 @@ impl Grippers {
         let mut pairs = self.inner.grippers().iter().zip(&closed);
         let closing = pairs.any(|(gripper, &closed)| closed && !gripper.jaw().is_closed());
         let view = View::read(closing, positions, faces, edges)?;
+        let anchors = anchors.filter(|anchors| !anchors.is_none());
+        let anchors = anchors
+            .map(|anchors| Points::read("anchors", anchors))
+            .transpose()?;
+        let options = grasp::Options {
+            anchors: anchors.as_ref().map(Points::get),
+            ..grasp::Options::default()
+        };
         let held = self
             .inner
-            .step(&commands, dt, view.get())
+            .step_with(&commands, dt, view.get(), options)
             .map_err(value_error)?;
         held_out(py, held)
     }

@@ -6,6 +6,7 @@
 mod arrays;
 mod cloth;
 mod gripper;
+mod reach;
 mod recording;
 mod scenario;
 mod trajectory;
@@ -21,6 +22,8 @@ mod _native {
     use crate::cloth::{Cloth, Mesh, step_all};
     #[pymodule_export]
     use crate::gripper::{Gripper, Grippers};
+    #[pymodule_export]
+    use crate::reach::reach;
     #[pymodule_export]
     use crate::recording::{Recording, write_page};
     #[pymodule_export]

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::sync::Mutex;
 
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
@@ -10,7 +11,7 @@ use selvedge_folding as folding;
 use selvedge_folding::{Case, Solver};
 
 use crate::arrays::{Points, cube_out, points_out};
-use crate::cloth::Mesh;
+use crate::cloth::{Cloth, Mesh};
 use crate::gripper::{Gripper, Grippers, poses_out};
 use crate::recording::Recording;
 use crate::value_error;
@@ -47,6 +48,11 @@ impl Scenario {
     #[getter]
     fn dt(&self) -> f64 {
         self.0.frame
+    }
+
+    /// The time [s] after a number of steps.
+    fn time(&self, steps: usize) -> f64 {
+        self.0.time(steps)
     }
 
     #[getter]
@@ -143,17 +149,35 @@ impl Scenario {
     /// Runs a case on the solver "default" or "published"; other Python threads run meanwhile.
     fn run(&self, py: Python<'_>, case: &str, solver: &str) -> PyResult<Recording> {
         let case = self.case(case)?;
-        let solver = match solver {
-            "default" => Solver::Default,
-            "published" => Solver::Published,
-            other => {
-                return Err(value_error(format!(
-                    "solver: {other}, must be default or published"
-                )));
-            }
-        };
+        let solver = solver_named(solver)?;
         let run = py.detach(|| folding::run(&self.0, case, solver, |_| ControlFlow::Continue(())));
         Ok(Recording(run.map_err(value_error)?.recording))
+    }
+
+    /// The cloth at rest on the solver "default" or "published", with the settings of the file.
+    #[pyo3(signature = (solver="default"))]
+    fn cloth(&self, solver: &str) -> PyResult<Cloth> {
+        let cloth = solver_named(solver)?.build(&self.0).map_err(value_error)?;
+        Ok(Cloth(Mutex::new(cloth)))
+    }
+
+    /// The positions (N, 3) [m] that a closing gripper stores on the solver; None where they are
+    /// those of the nodes. The published scheme reads its cloth through a smoother.
+    fn anchors<'py>(
+        &self,
+        py: Python<'py>,
+        solver: &str,
+        positions: &Bound<'py, PyAny>,
+    ) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let points = Points::read("positions", positions)?;
+        let (count, wanted) = (points.get().len(), self.0.mesh.node_count());
+        if count != wanted {
+            return Err(value_error(format!(
+                "positions: {count} rows, must be {wanted}"
+            )));
+        }
+        let anchors = solver_named(solver)?.anchors(&self.0, points.get());
+        anchors.map(|anchors| points_out(py, &anchors)).transpose()
     }
 
     /// The description of a case's grasping volumes for `Recording`: an entry a gripper.
@@ -176,6 +200,17 @@ impl Scenario {
             Ok(fields)
         };
         self.case(case)?.grippers.iter().map(entry).collect()
+    }
+}
+
+fn solver_named(name: &str) -> PyResult<Solver> {
+    match name {
+        "default" => Ok(Solver::Default),
+        "published" => Ok(Solver::Published),
+        other => {
+            let text = format!("solver: {other}, must be default or published");
+            Err(value_error(text))
+        }
     }
 }
 

@@ -28,6 +28,8 @@ struct World {
     cloth: cloth::Simulator,
     grippers: grasp::Grippers,
     strain: f64,
+    /// Why its last step failed.
+    failure: Option<String>,
 }
 
 impl World {
@@ -68,6 +70,7 @@ impl Worlds {
                 cloth: simulator(mesh, material, settings)?,
                 grippers: grippers.inner.clone(),
                 strain: 0.0,
+                failure: None,
             })
         };
         if count == 0 || threads == 0 {
@@ -146,14 +149,17 @@ impl Worlds {
         if results.len() != wanted {
             return Err(value_error("a thread failed"));
         }
-        match results
-            .into_iter()
-            .enumerate()
-            .find_map(|(k, result)| Some((k, result.err()?)))
-        {
-            None => Ok(()),
-            Some((number, error)) => Err(value_error(format!("world {number}: {error}"))),
+        for (world, result) in self.worlds.iter_mut().zip(results) {
+            world.failure = result.err();
         }
+        Ok(())
+    }
+
+    /// Why the last step of each world failed, or None. A cloth that failed stays as it was.
+    #[getter]
+    fn failures(&self) -> Vec<Option<&str>> {
+        let worlds = self.worlds.iter();
+        worlds.map(|world| world.failure.as_deref()).collect()
     }
 
     /// Starts a world anew: its cloth at `positions` (N, 3) [m] at rest, or as the mesh lies, its
@@ -174,6 +180,7 @@ impl Worlds {
         target.cloth.reset(start, &still).map_err(value_error)?;
         target.grippers.reset();
         target.strain = 0.0;
+        target.failure = None;
         Ok(())
     }
 

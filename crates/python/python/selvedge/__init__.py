@@ -27,11 +27,13 @@ from ._native import (
     __version__,
     fold_error,
     half_fold,
+    reach,
     read_log,
     step_all,
     write_log,
     write_page,
 )
+from .lerobot import to_lerobot
 
 __all__ = [
     "BoxVolume",
@@ -50,8 +52,10 @@ __all__ = [
     "__version__",
     "fold_error",
     "half_fold",
+    "reach",
     "read_log",
     "step_all",
+    "to_lerobot",
     "write_log",
     "write_page",
 ]

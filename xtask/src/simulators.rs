@@ -1,0 +1,103 @@
+//! The same scenario on every simulator that the Python package has an adapter for.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::process::ExitCode;
+
+use anyhow::{Context, Result};
+use cargo_metadata::camino::{Utf8Path, Utf8PathBuf};
+
+use crate::test::{install_package, python_environment};
+use crate::workspace::{self, command, succeed};
+
+/// Where the lines of an adapter are counted; those inside the package have none.
+const ADAPTERS: &str = "crates/python/python/selvedge/adapters";
+const HEADER: &str = "\
+| simulator | case | support | E [%] | strain [%] | times real time | lines of adapter |
+|---|---|---|---|---|---|---|
+";
+
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Cases; all if none is named.
+    cases: Vec<String>,
+    /// The scenario.
+    #[arg(long, default_value = "fixtures/scenarios/corner_fold.toml")]
+    scenario: Utf8PathBuf,
+    /// Simulators, separated by commas.
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "default,published,xpbd,mujoco,newton"
+    )]
+    simulators: Vec<String>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let metadata = workspace::load()?;
+    let python = python_environment(&metadata)?;
+    install_package(&metadata, &python)?;
+    let out = metadata.target_directory.join("simulators");
+    let mut table = HEADER.to_owned();
+    let mut code = ExitCode::SUCCESS;
+    for name in &arguments.simulators {
+        let folder = out.join(name);
+        let mut fold = command(&metadata, python.as_str(), "-m selvedge.fold --simulator");
+        fold.arg(name).arg("--out").arg(&folder);
+        fold.arg(&arguments.scenario).args(&arguments.cases);
+        if let Err(error) = succeed(&mut fold) {
+            writeln!(table, "| {name} | {error:#} | | | | | |")?;
+            code = ExitCode::from(2);
+            continue;
+        }
+        let adapter = metadata
+            .workspace_root
+            .join(ADAPTERS)
+            .join(format!("{name}.py"));
+        table += &rows(name, &folder.join("table.csv"), &lines(&adapter))?;
+    }
+    print!("{table}");
+    fs::write(out.join("table.md"), table)?;
+    println!("written: {out}/table.md");
+    Ok(code)
+}
+
+/// How many lines of a file hold something.
+fn lines(path: &Utf8Path) -> String {
+    let text = fs::read_to_string(path).unwrap_or_default();
+    match text.lines().filter(|line| !line.trim().is_empty()).count() {
+        0 => String::new(),
+        count => count.to_string(),
+    }
+}
+
+/// The lines of a table that the Python program has written.
+fn rows(name: &str, path: &Utf8Path, lines: &str) -> Result<String> {
+    let text = fs::read_to_string(path).with_context(|| format!("cannot read {path}"))?;
+    Ok(table_rows(name, &text, lines))
+}
+
+fn table_rows(name: &str, csv: &str, lines: &str) -> String {
+    let row = |line: &str| format!("| {name} | {} | {lines} |\n", line.replace(',', " | "));
+    csv.lines().skip(1).map(row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_of_the_csv_file_is_a_row_of_the_table() {
+        let csv =
+            "case,support,E [%],strain [%],speed\r\nC1,1,0.5,1.25,1.90\r\nC8,4,0.0,1.5,1.8\r\n";
+        let wanted = "| xpbd | C1 | 1 | 0.5 | 1.25 | 1.90 | 82 |\n| xpbd | C8 | 4 | 0.0 | 1.5 | 1.8 | 82 |\n";
+        assert_eq!(table_rows("xpbd", csv, "82"), wanted);
+        let columns = |line: &str| line.matches('|').count();
+        assert!(
+            HEADER
+                .lines()
+                .chain(wanted.lines())
+                .all(|line| columns(line) == 8)
+        );
+    }
+}
