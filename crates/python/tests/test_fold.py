@@ -52,5 +52,5 @@ def test_short_fold_elsewhere(corner_fold: Scenario, name: str, steps: int) -> N
     here = fold.fold(corner_fold, "C8", "default", steps)
     assert run.support == here.support
     corner = run.recording.positions()[643]
-    assert corner == pytest.approx(here.recording.positions()[643], abs=1e-5)
+    assert corner == pytest.approx(here.recording.positions()[643], abs=1e-4)  # where the sheet lay when the jaws closed
     assert corner[2] > (0.02 if steps > 120 else 1e-4)  # it starts to move in step 120
