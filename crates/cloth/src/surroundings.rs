@@ -190,16 +190,25 @@ impl Surroundings {
         pairs.any(|(o, target)| o.pose != *target)
     }
 
+    /// How far above an obstacle a node stays [m].
+    fn lift(&self, k: usize, node: usize) -> f64 {
+        self.lifts[k].get(node).copied().unwrap_or(0.0)
+    }
+
+    /// The obstacles that a node may come to on its way.
     fn each_near<'a>(
         &'a self,
-        start: DVec3,
-        ahead: DVec3,
+        node: usize,
+        [start, ahead]: [DVec3; 2],
     ) -> impl Iterator<Item = (usize, &'a Obstacle, &'a Placed)> + 'a {
         let reach = REACH + start.distance(ahead);
         let (low, high) = (start.min(ahead) - reach, start.max(ahead) + reach);
         let all = self.obstacles.iter().zip(&self.placed).enumerate();
-        all.filter(move |(_, (_, placed))| placed.is_near(low, high))
-            .map(|(k, (obstacle, placed))| (k, obstacle, placed))
+        all.filter(move |&(k, (_, placed))| {
+            let lift = self.lift(k, node);
+            placed.is_near(low - lift, high + lift)
+        })
+        .map(|(k, (obstacle, placed))| (k, obstacle, placed))
     }
 
     /// The surface that a node at `start` comes to on its way to `ahead`: of the table and the
@@ -218,7 +227,7 @@ impl Surroundings {
             surface.offset - surface.normal.dot(ahead) + if kept { RELUCTANCE } else { 0.0 }
         };
         let (mut best, mut deepest) = (table, depth(&table));
-        for (k, ..) in self.each_near(start, ahead) {
+        for (k, ..) in self.each_near(node, [start, ahead]) {
             let before = before.map(|before| before.end_normal);
             let surface = self.plane(k, node, [start, ahead], before, h);
             if depth(&surface) > deepest {
@@ -240,7 +249,7 @@ impl Surroundings {
     ) -> Option<Surface> {
         let (mut best, mut deepest) = (None, now.offset - now.normal.dot(ahead));
         deepest = deepest.max(0.0) + RELUCTANCE;
-        for (k, obstacle, _) in self.each_near(start, ahead) {
+        for (k, obstacle, _) in self.each_near(node, [start, ahead]) {
             let round = matches!(obstacle.shape, Shape::Round { .. });
             if (id(k) == now.id && !round) || (id(k) != now.id && rests) {
                 continue;
@@ -265,7 +274,7 @@ impl Surroundings {
         h: f64,
     ) -> Surface {
         let (obstacle, placed) = (&self.obstacles[k], &self.placed[k]);
-        let lift = self.lifts[k].get(node).copied().unwrap_or(0.0);
+        let lift = self.lift(k, node);
         let before = before.map(|normal| placed.start.rotation.transpose() * normal);
 
         let Tangent {
@@ -349,7 +358,7 @@ impl Surroundings {
             if own.id != table.id {
                 found.extend(lone(&table));
             }
-            for (k, ..) in self.each_near(a, b).filter(|(k, ..)| id(*k) != own.id) {
+            for (k, ..) in self.each_near(node, [a, b]).filter(|(k, ..)| id(*k) != own.id) {
                 let before = Some(own.end_normal);
                 found.extend(lone(&self.plane(k, node, [a, b], before, h)));
             }
@@ -399,8 +408,8 @@ impl Surroundings {
         parts: impl Iterator<Item = Part>,
     ) -> Clearance {
         let (mut free, mut gap) = (1.0_f64, f64::INFINITY);
-        for (&a, &b) in start.iter().zip(end) {
-            for (_, obstacle, placed) in self.each_near(a, b) {
+        for (node, (&a, &b)) in start.iter().zip(end).enumerate() {
+            for (_, obstacle, placed) in self.each_near(node, [a, b]) {
                 let (a, b) = (placed.start.local(a), placed.end.local(b));
                 let after = obstacle.shape.foot(b).distance;
                 gap = gap.min(after);
