@@ -358,7 +358,10 @@ impl Surroundings {
             if own.id != table.id {
                 found.extend(lone(&table));
             }
-            for (k, ..) in self.each_near(node, [a, b]).filter(|(k, ..)| id(*k) != own.id) {
+            for (k, ..) in self
+                .each_near(node, [a, b])
+                .filter(|(k, ..)| id(*k) != own.id)
+            {
                 let before = Some(own.end_normal);
                 found.extend(lone(&self.plane(k, node, [a, b], before, h)));
             }
