@@ -480,28 +480,45 @@ fn a_start_inside_is_resolved() {
     leaves("out of a ball", ball, 0.005);
 }
 
-/// How far a strip of 60 cm slides within 3 s that hangs by so many of its 30 cells over the end of a
-/// desk at `x = 0`. It is held at its other end until it hangs still.
-fn slides(desk: &[Obstacle], hanging: f64) -> f64 {
+/// How far a strip of 60 cm by 8 cm slides within 3 s that hangs by so many of its 30 cells over the
+/// end of a desk at `x = 0`. Each row of nodes is ahead of the one before by the share `phase` of a
+/// cell. It is held at its other end until it hangs still.
+fn slides(desk: &[Obstacle], hanging: f64, phase: f64) -> f64 {
+    let (columns, rows) = (31, 5);
+    let node = |i: usize, j: usize| (j * columns + i) as u32;
+    let place = |i: usize, j: usize| {
+        let ahead = phase * (j as f64 - 2.0);
+        DVec3::new(i as f64 - 30.0 + hanging + ahead, j as f64 - 2.0, 0.0) * 0.02
+    };
+    let nodes = (0..rows).flat_map(|j| (0..columns).map(move |i| place(i, j)));
+    let quads = (1..rows).flat_map(|j| {
+        (1..columns).map(move |i| {
+            [
+                node(i - 1, j - 1),
+                node(i, j - 1),
+                node(i, j),
+                node(i - 1, j),
+            ]
+        })
+    });
+    let mesh = Mesh::new(nodes.collect(), quads.collect(), Vec::new()).unwrap();
     let material = Material {
         bending: 1e-7,
         damping: 4.0,
         ..Material::default()
     };
-    let shift = 0.02 * (hanging - 15.0);
-    let (mesh, mut cloth) = sheet_of([30, 2], material, no_table(), |p| {
-        DVec3::new(p.x + shift, p.y, 0.0)
-    });
+    let mut cloth = Simulator::new(&mesh, material, no_table()).unwrap();
     for obstacle in desk {
         cloth.add_obstacle(obstacle.clone()).unwrap();
     }
-    let last = [0, 31, 62];
+    let last: Vec<u32> = (0..rows).map(|j| node(0, j)).collect();
     cloth.pin(&last).unwrap();
     let settled = run(&mesh, &mut cloth, 3.0, |_, _| {});
-    let before = cloth.positions()[31].x;
+    let middle = node(0, 2) as usize;
+    let before = cloth.positions()[middle].x;
     cloth.pin(&[]).unwrap();
     let watched = run(&mesh, &mut cloth, 3.0, |_, _| {});
-    let way = cloth.positions()[31].x - before;
+    let way = cloth.positions()[middle].x - before;
     println!("{hanging:.2} cells hang: slid {way:.1e} m, {settled:?} {watched:?}");
     for watched in [settled, watched] {
         assert!(
@@ -531,9 +548,11 @@ fn an_overhanging_strip() {
         let desk = [desk(friction), edge];
         let round = radius * (1.0 - std::f64::consts::FRAC_PI_2);
         let cells = (friction * length - round) / (1.0 + friction) / 0.02;
-        let (less, more) = (slides(&desk, cells - 0.5), slides(&desk, cells + 0.5));
-        assert!(less < 1e-5, "friction {friction}: {less}");
-        assert!(more > 0.03, "friction {friction}: {more}");
+        let (less, more) = [-0.5, 0.5]
+            .map(|more| slides(&desk, cells + more, 0.25))
+            .into();
+        assert!(less < 1e-4, "friction {friction}: {less}");
+        assert!(more > 0.04, "friction {friction}: {more}");
     }
 }
 
@@ -542,18 +561,20 @@ fn an_overhanging_strip() {
 ///
 /// A chain of rigid edges has another threshold in each phase of its nodes about the edge: with a node
 /// just past it the edge behind lies flat and those in front hang straight, so that nothing pulls along
-/// until the node is a cell's length over the number of hanging cells past the edge. Such strips stop at
-/// the next node, or stay where they should slide. Columns of different phases would tell the mean.
+/// until the node is a cell's length over the number of hanging cells past the edge. So the rows of this
+/// strip are in four phases. Below the threshold they still shift by a tenth of a cell, since contacts
+/// of cloth edges with the box's are swept and not solved with the rows.
 #[test]
-#[ignore = "a chain of rigid edges hooks at a sharp edge when a node is just past it"]
 fn an_overhanging_strip_on_a_sharp_edge() {
     let friction = 0.23165_f64;
     let pull = friction * (friction * std::f64::consts::FRAC_PI_2).exp();
     let cells = 30.0 * pull / (1.0 + pull);
     let desk = [desk(friction)];
-    let (less, more) = (slides(&desk, cells - 0.5), slides(&desk, cells + 0.5));
-    assert!(less < 1e-5, "{less}");
-    assert!(more > 0.03, "{more}");
+    let (less, more) = [-0.5, 0.5]
+        .map(|more| slides(&desk, cells + more, 0.25))
+        .into();
+    assert!(less < 2e-3, "{less}");
+    assert!(more > 0.02, "{more}");
 }
 
 /// A strip over half a cylinder, drawn over it at a constant speed by a hand on one end, while a known
