@@ -27,8 +27,8 @@ const LEAST_SHARE: f64 = 0.1;
 const OUTSIDE: f64 = 0.02;
 /// Edges that are nearly parallel have no common normal; nodes over triangles separate them.
 const CROSSING: f64 = 0.05;
-/// With table and obstacles mobility is none, as a share of that of free nodes, that makes nodes move
-/// much further along their ties than the contact asks for.
+/// Mobility is none, as a share of that of free nodes, that makes nodes move much further along their
+/// ties than the contact asks for.
 const LEVER: f64 = 0.01;
 /// Contacts are kept as they are while no node has moved further [m].
 const STILL: f64 = 5e-6;
@@ -401,15 +401,12 @@ impl Contacts {
                 mobility[0] += w * w * along;
                 mobility[1] += w * w * nodes.mobility(k);
             }
-            let mut least = 0.0;
-            if c.ground.is_some() {
-                let inverse = |(&k, w): (&usize, f64)| w * w * nodes.inverse(k);
-                least = LEVER * ids.iter().zip(c.weights).map(inverse).sum::<f64>();
-                if mobility[0] <= least {
-                    // Nodes that stick: press on, until they slide or leave.
-                    let along = |(&k, w): (&usize, f64)| w * w * nodes.prospect_along(k, c.normal);
-                    mobility[0] = ids.iter().zip(c.weights).map(along).sum();
-                }
+            let inverse = |(&k, w): (&usize, f64)| w * w * nodes.inverse(k);
+            let least = LEVER * ids.iter().zip(c.weights).map(inverse).sum::<f64>();
+            if c.ground.is_some() && mobility[0] <= least {
+                // Nodes that stick: press on, until they slide or leave.
+                let along = |(&k, w): (&usize, f64)| w * w * nodes.prospect_along(k, c.normal);
+                mobility[0] = ids.iter().zip(c.weights).map(along).sum();
             }
             if mobility[0] <= least {
                 // Between hands and supports: no penetration comes before targets
@@ -421,8 +418,8 @@ impl Contacts {
                     }
                 };
                 let weights = [0, 1, 2, 3].map(|k| c.weights[k] * held(ids[k]));
-                let sum: f64 = weights.iter().map(|w| w * w).sum();
-                if sum > 0.0 && gap < 0.0 {
+                let [sum, all] = [weights, c.weights].map(|w| w.iter().map(|w| w * w).sum::<f64>());
+                if sum > LEVER * all && gap < 0.0 {
                     for (&k, w) in ids.iter().zip(weights) {
                         let shift = c.normal * (-gap * w / sum);
                         x[k] += shift;
@@ -482,7 +479,7 @@ impl Contacts {
                 along += w * w * c.normal.dot(nodes.respond(k, c.normal));
                 across += w * w * nodes.mobility(k);
             }
-            if along <= 0.0 || (c.ground.is_some() && along <= LEVER * across) {
+            if along <= LEVER * across {
                 continue;
             }
             let normal = c.normal * c.normal.dot(relative);

@@ -5,6 +5,7 @@ mod bending;
 mod broad;
 mod contact;
 mod distance;
+mod hands;
 pub mod linear;
 mod material;
 mod mesh;

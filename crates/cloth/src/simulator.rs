@@ -4,6 +4,7 @@ use selvedge_math::{ClothSimulator, DVec3, Held, Pose, SimulatorError, Status, S
 
 use crate::bending::{Matrix, bending_matrix};
 use crate::contact::{Contact, Contacts};
+use crate::hands::{Hands, Reach};
 use crate::nodes::Nodes;
 use crate::predictor::Predictor;
 use crate::rows::Rows;
@@ -28,9 +29,20 @@ const EASY_IN_A_ROW: u32 = 4;
 /// Substeps are cut beforehand at most so often.
 const MAX_CUTS_BEFOREHAND: u32 = 4;
 
-/// After so many cuts, hands that are further apart than the cloth is long are taken for what fails,
-/// and held back.
+/// After so many cuts, hands that want what the cloth cannot follow are taken for what fails, and held
+/// back.
 const CUTS_BEFORE_RETREAT: u32 = 2;
+/// How they are: only what each goes of its own, then altogether, in the end backwards.
+const RETREATS: [Reach; 5] = [
+    Reach::WHOLE,
+    Reach {
+        common: 1.0,
+        own: 0.0,
+    },
+    Reach::even(0.5),
+    Reach::even(0.0),
+    Reach::even(-0.5),
+];
 
 /// Layers may come too near by this share of a thickness before a substep is cut.
 const MOST_TOO_NEAR: f64 = 0.2;
@@ -40,9 +52,6 @@ const MOST_SUNK: f64 = 1e-5;
 
 /// Tension may stretch edges by so much before it is taken for more than a cloth can bear.
 const MOST_STRAIN: f64 = 5e-4;
-
-/// Hands that are late catch up no faster [m/s].
-const CATCH_UP: f64 = 6.0;
 
 /// An inextensible cloth.
 ///
@@ -85,17 +94,6 @@ pub struct Simulator {
     saved: Vec<Instant>,
     pinned: Vec<u32>,
     pub(crate) scratch: Scratch,
-}
-
-/// The nodes that hands and pins keep in the present step.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Hands {
-    pub(crate) nodes: Vec<u32>,
-    pub(crate) from: Vec<DVec3>,
-    pub(crate) to: Vec<DVec3>,
-    pub(crate) is_held: Vec<bool>,
-    /// Whether two of them are to be further apart than they are at rest.
-    apart: bool,
 }
 
 /// Buffers of a substep.
@@ -146,10 +144,7 @@ impl Simulator {
             contacts: Contacts::new(mesh, material.thickness),
             surroundings: Surroundings::default(),
             saved: vec![now.clone(); MAX_CUTS as usize + 2],
-            hands: Hands {
-                is_held: vec![false; n],
-                ..Hands::default()
-            },
+            hands: Hands::new(n),
             external: zero.clone(),
             stale: true,
             pinned: Vec::new(),
@@ -282,51 +277,16 @@ impl Simulator {
 
     fn set_hands(&mut self, held: Held<'_>, dt: f64) {
         let hands = &mut self.hands;
-        let same = hands.nodes.len() == held.nodes.len() + self.pinned.len()
-            && held
-                .nodes
-                .iter()
-                .chain(&self.pinned)
-                .all(|&node| hands.is_held[node as usize]);
+        let same = hands.take(held, &self.pinned, &self.now.positions, dt);
         self.stale |= !same;
         if self.fine && !same {
             self.rows.forget();
         }
-        hands.is_held.fill(false);
-        hands.nodes.clear();
-        hands.from.clear();
-        hands.to.clear();
-        let pins = self
-            .pinned
-            .iter()
-            .map(|&node| (node, self.now.positions[node as usize]));
-        for (node, target) in held
-            .nodes
-            .iter()
-            .copied()
-            .zip(held.targets.iter().copied())
-            .chain(pins)
-        {
-            let is_held = &mut hands.is_held[node as usize];
-            if !*is_held {
-                *is_held = true;
-                hands.nodes.push(node);
-                let from = self.now.positions[node as usize];
-                hands.from.push(from);
-                let way = target - from;
-                hands
-                    .to
-                    .push(from + way * (CATCH_UP * dt / way.length()).min(1.0));
-                self.now.supports.release(node as usize);
-            }
+        for &node in &hands.nodes {
+            self.now.supports.release(node as usize);
         }
-        let hands = &mut self.hands;
-        let too_far = |a: usize, b: usize| {
-            let [p, q] = [a, b].map(|k| self.rest[hands.nodes[k] as usize]);
-            hands.to[a].distance(hands.to[b]) > (1.0 + self.settings.tolerance) * p.distance(q)
-        };
-        let count = hands.nodes.len();
-        hands.apart = (0..count).any(|a| (0..a).any(|b| too_far(a, b)));
+        let tolerance = self.settings.tolerance;
+        hands.draw_in(&self.rest, self.rows.edges(), &self.rest_lengths, tolerance);
     }
 
     /// A substep from the share `from` of the step to `to`, cut in two as often as it fails, and
@@ -344,12 +304,18 @@ impl Simulator {
         self.saved[cuts as usize].copy_from(&self.now);
         self.surroundings.set_way([from, to]);
         let last = cuts >= MAX_CUTS;
-        let retreats: &[f64] = match cuts >= CUTS_BEFORE_RETREAT && self.hands.apart {
-            true => &[1.0, 0.5, 0.0, -0.5],
-            false => &[1.0],
+        let retreats = match cuts >= CUTS_BEFORE_RETREAT && !self.hands.nodes.is_empty() {
+            true => &RETREATS[..],
+            false => &RETREATS[..1],
         };
         let mut failure = None;
-        for &reach in retreats {
+        for (k, &reach) in retreats.iter().enumerate() {
+            if last && k + 1 == retreats.len() {
+                // Forces may be what it fails from.
+                self.now.multipliers.fill(0.0);
+                self.now.reactions.fill(DVec3::ZERO);
+                self.contacts.clear();
+            }
             let outcome = self.substep(h, to, reach, last);
             if let Ok(ended) = &outcome {
                 report.iterations += ended.iterations;
@@ -358,12 +324,8 @@ impl Simulator {
                     gap < -MOST_TOO_NEAR * self.material.thickness && gap < worse
                 });
                 let tolerance = self.settings.tolerance;
-                // Where hands have already stopped, there must be a way on.
-                let most_strain = if reach > 0.0 {
-                    MOST_STRAIN
-                } else {
-                    1.8 * MOST_STRAIN
-                };
+                // The less hands go of their own, the more there must be a way on.
+                let most_strain = MOST_STRAIN * (1.8 - 0.8 * reach.own.max(0.0));
                 let solved = ended.unsolved <= 2.0 * tolerance && ended.strain <= most_strain;
                 let good = ended.free >= 1.0 && solved && !near && ended.sunk <= MOST_SUNK;
                 if good || last {
@@ -468,8 +430,7 @@ impl ClothSimulator for Simulator {
         start.velocities.copy_from_slice(velocities);
         self.now = start;
         self.contacts.clear();
-        self.hands.is_held.fill(false);
-        self.hands.nodes.clear();
+        self.hands.release();
         self.rows.set_lengths(&self.rest_lengths);
         self.forget();
         Ok(())

@@ -17,6 +17,7 @@
 
 use selvedge_math::DVec3;
 
+use crate::hands::Reach;
 use crate::nodes::Kept;
 use crate::rows::ShearLaw;
 use crate::support::Surface;
@@ -46,16 +47,17 @@ pub(crate) struct Ended {
 }
 
 impl Simulator {
-    /// One substep of `h` [s]. Hands go the share `reach` of their way, at whose end they are at
+    /// One substep of `h` [s]. Hands go as far as `reach` says of their way, at whose end they are at
     /// `share` of the step's. The last resort is to go only as far as nothing collides.
     pub(crate) fn substep(
         &mut self,
         h: f64,
         share: f64,
-        reach: f64,
+        reach: Reach,
         last: bool,
     ) -> Result<Ended, Error> {
         let law = self.begin(h)?;
+        self.hands.set_targets(&self.scratch.start, share, reach);
         let n = self.areas.len();
         let mut ended = Ended::default();
         let (mut aim, mut last_strain) = (true, f64::INFINITY);
@@ -65,7 +67,7 @@ impl Simulator {
         let most = self.settings.iterations * if last { 5 } else { 1 };
         for iteration in 0..most {
             ended.iterations += 1;
-            self.solve(share, reach);
+            self.solve();
             let mut changed = false;
             if iteration == 0 {
                 changed |= self.set_surfaces(h, share);
@@ -76,7 +78,7 @@ impl Simulator {
                 }
                 changed |= self.refresh_surfaces(h);
             }
-            changed |= self.correct_ties(share, reach);
+            changed |= self.correct_ties();
             let (start, x) = (&self.scratch.start, &mut self.now.positions);
             for _ in 0..2 {
                 self.contacts
@@ -221,19 +223,16 @@ impl Simulator {
         })
     }
 
-    /// Where a held node is to be, the hands' number `k`: the share `reach` of its way to where the
-    /// hand is at `share` of the step.
-    fn target(&self, k: usize, share: f64, reach: f64) -> DVec3 {
+    /// Where a held node is to be, the hands' number `k`.
+    fn target(&self, k: usize) -> DVec3 {
         let node = self.hands.nodes[k] as usize;
-        let start = self.scratch.start[node];
-        let target = self.hands.from[k].lerp(self.hands.to[k], share);
         // No penetration comes before targets.
-        let target = start + reach * (target - start) + self.nodes.yielded[node];
+        let target = self.hands.targets[k] + self.nodes.yielded[node];
         self.scratch.surfaces[node].lift(target)
     }
 
     /// The positions that the present forces give.
-    fn solve(&mut self, share: f64, reach: f64) {
+    fn solve(&mut self) {
         let scratch = &mut self.scratch;
         let forces = &mut scratch.forces;
         forces.copy_from_slice(&scratch.load);
@@ -246,14 +245,14 @@ impl Simulator {
             *force += *reaction;
         }
         for k in 0..self.hands.nodes.len() {
-            let (node, target) = (self.hands.nodes[k] as usize, self.target(k, share, reach));
+            let (node, target) = (self.hands.nodes[k] as usize, self.target(k));
             let way = target - self.scratch.start[node];
             self.scratch.forces[node] += way * self.predictor.grip(node);
         }
         let (scratch, x) = (&self.scratch, &mut self.now.positions);
         self.predictor.solve(&scratch.forces, &scratch.start, x);
         for k in 0..self.hands.nodes.len() {
-            let (node, target) = (self.hands.nodes[k] as usize, self.target(k, share, reach));
+            let (node, target) = (self.hands.nodes[k] as usize, self.target(k));
             let left = target - self.now.positions[node];
             self.nodes.reactions[node] += left * self.predictor.grip(node);
         }
@@ -359,9 +358,9 @@ impl Simulator {
 
     /// Puts held nodes where they belong and lets every other node rest, slide or leave; true when
     /// one left its surface.
-    fn correct_ties(&mut self, share: f64, reach: f64) -> bool {
+    fn correct_ties(&mut self) -> bool {
         for k in 0..self.hands.nodes.len() {
-            let (node, target) = (self.hands.nodes[k] as usize, self.target(k, share, reach));
+            let (node, target) = (self.hands.nodes[k] as usize, self.target(k));
             self.nodes
                 .place(node, target, &mut self.now.positions[node]);
         }

@@ -145,6 +145,19 @@ fn dropped_on_a_capsule() {
     );
 }
 
+/// A rod thinner than a cell: edges touch it whose nodes are far from it.
+#[test]
+fn dropped_on_a_rod() {
+    let ends = [DVec3::new(-0.2, 0.01, 0.0), DVec3::new(0.2, -0.01, 0.0)];
+    drop_on(
+        "rod",
+        0.106,
+        Obstacle::capsule(ends, 0.006, 0.4)
+            .unwrap()
+            .at(at(0.0, 0.0, 0.1)),
+    );
+}
+
 #[test]
 fn dropped_on_a_box() {
     let half = DVec3::new(0.07, 0.05, 0.04);

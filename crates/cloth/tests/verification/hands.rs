@@ -1,7 +1,7 @@
 //! What hands do to a sheet: squeeze it, pull it, let it go.
 
 use selvedge_cloth::{Material, Mesh, RECOVERY, Settings, Simulator};
-use selvedge_math::{ClothSimulator, DVec3, Held, Status, StepReport};
+use selvedge_math::{ClothSimulator, DQuat, DVec3, Held, Status, StepReport};
 
 use crate::scene::{FRAME, air, along, polyline, put, run, simulator, speed, strain};
 
@@ -103,6 +103,65 @@ fn hands_that_want_too_much_are_told() {
         "pulled too far: strain {worst:.1e}, {missed:.4} m missed, {iterations} iterations, {spent:.1} s"
     );
     assert!(worst <= 1e-3 && spent < 20.0, "{worst} {spent}");
+}
+
+/// Two grippers at the ends of a taut row squeeze what they hold to half its length, which pulls their
+/// inner nodes further apart than the row between them is long: they get as near as it lets them, and
+/// the sheet is carried along as they rise.
+#[test]
+fn grippers_that_squeeze_a_taut_row_carry_it() {
+    let mesh = Mesh::grid([12, 14], [0.42, 0.59]).unwrap();
+    let mut cloth = simulator(&mesh, Material::default(), Settings::default());
+    let nodes = [144, 145, 154, 155, 156, 157, 166, 167];
+    let places = nodes.map(|k| mesh.rest()[k as usize]);
+    let middle = (places[0] + places[7]) / 2.0;
+    let centre =
+        |p: DVec3| middle + DVec3::X * (0.42 - 0.42 / 11.0) / 2.0 * (p.x - middle.x).signum();
+    let (mut worst, mut missed) = (0.0_f64, 0.0_f64);
+    for step in 1..=90 {
+        let share = 0.5 * f64::from(step.min(10)) / 10.0;
+        let up = DVec3::Z * 0.2 * f64::from(step - step.min(10)) / 80.0;
+        let targets = places.map(|p| p.lerp(centre(p), share) + up);
+        let report = hold(&mut cloth, &nodes, &targets);
+        assert_eq!(report.status, Status::Converged, "{report:?}");
+        worst = worst.max(report.strain.unwrap());
+        missed = missed.max(report.held_error);
+    }
+    let height = |k: u32| cloth.positions()[k as usize].z;
+    let lowest = nodes.map(height).into_iter().fold(f64::INFINITY, f64::min);
+    println!("taut row: {missed:.4} m missed, strain {worst:.1e}, lifted to {lowest:.3} m");
+    // Half of each cell of 3.8 cm by 4.5 cm is what is squeezed away.
+    assert!(missed < 0.021 && worst <= 1e-3, "{missed} {worst}");
+    assert!(lowest > 0.19, "{lowest}");
+}
+
+/// A hand folds a sheet over and presses down on what it holds: the edge below it stands on the lower
+/// layer like a strut that friction does not let go. The hand is held up and told, and no edge gets
+/// shorter.
+#[test]
+fn a_strut_holds_the_hand_up() {
+    let mesh = Mesh::grid([12, 14], [0.42, 0.59]).unwrap();
+    let mut cloth = simulator(&mesh, Material::default(), Settings::default());
+    let nodes = [144, 145, 154, 155, 156, 157, 166, 167];
+    let places = nodes.map(|k| mesh.rest()[k as usize]);
+    let grip = DVec3::Y * mesh.rest()[167].y;
+    let (mut worst, mut missed, mut iterations) = (0.0_f64, 0.0_f64, 0);
+    for step in 1..=180 {
+        let s = (f64::from(step) / 120.0).min(1.0);
+        let s = s * s * s * (10.0 + s * (6.0 * s - 15.0));
+        // Bezier curve and turn of a gripper, found by a search for good folds that went astray
+        let way = 2.0 * (1.0 - s) * s * DVec3::new(0.0, -0.038, 0.389)
+            + s * s * DVec3::new(0.0, -0.268, 0.0169)
+            + (1.0 - s) * (1.0 - s) * grip;
+        let turn = DQuat::from_rotation_x(0.2924 * s);
+        let targets = places.map(|p| way + turn * (p - grip));
+        let report = hold(&mut cloth, &nodes, &targets);
+        worst = worst.max(strain(&mesh, cloth.positions()));
+        missed = missed.max(report.held_error);
+        iterations += report.iterations;
+    }
+    println!("strut: strain {worst:.1e}, {missed:.4} m missed, {iterations} iterations");
+    assert!(missed > 0.005 && worst <= 1e-3, "{missed} {worst}");
 }
 
 /// Two hands bring the ends of an edge of a flat sheet together by 2 cm while they lift it: they get
