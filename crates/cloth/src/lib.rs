@@ -136,9 +136,6 @@ pub enum Error {
         /// What is allowed.
         bound: &'static str,
     },
-    /// A position became infinite or not a number.
-    #[error("the cloth diverged")]
-    Diverged,
     /// More features are near each other than a cloth of this size can have.
     #[error("the cloth has collapsed: too many of its faces are in one place")]
     Crowded,

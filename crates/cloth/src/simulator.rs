@@ -9,6 +9,7 @@ use crate::nodes::Nodes;
 use crate::predictor::Predictor;
 use crate::rows::Rows;
 use crate::state::{Instant, State};
+use crate::substep::Ended;
 use crate::support::{Supports, Surface};
 use crate::surroundings::Surroundings;
 use crate::{Error, Material, Mesh, Obstacle, Settings};
@@ -303,42 +304,28 @@ impl Simulator {
         }
         self.saved[cuts as usize].copy_from(&self.now);
         self.surroundings.set_way([from, to]);
-        let last = cuts >= MAX_CUTS;
+        // Once a substep of the step is lost, the others are not cut to the last either.
+        let lost = report.status != Status::Converged;
+        let last = cuts >= if lost { CUTS_BEFORE_RETREAT } else { MAX_CUTS };
         let retreats = match cuts >= CUTS_BEFORE_RETREAT && !self.hands.nodes.is_empty() {
             true => &RETREATS[..],
             false => &RETREATS[..1],
         };
-        let mut failure = None;
-        for (k, &reach) in retreats.iter().enumerate() {
-            if last && k + 1 == retreats.len() {
-                // Forces may be what it fails from.
-                self.now.multipliers.fill(0.0);
-                self.now.reactions.fill(DVec3::ZERO);
-                self.contacts.clear();
-            }
+        let tolerance = self.settings.tolerance;
+        let (mut failure, mut residual) = (None, f64::INFINITY);
+        for &reach in retreats {
             let outcome = self.substep(h, to, reach, last);
-            if let Ok(ended) = &outcome {
+            if let Ok(Some(ended)) = &outcome {
                 report.iterations += ended.iterations;
-                let worse = self.saved[cuts as usize].gap - 1e-2 * self.material.thickness;
-                let near = ended.gap.is_some_and(|gap| {
-                    gap < -MOST_TOO_NEAR * self.material.thickness && gap < worse
-                });
-                let tolerance = self.settings.tolerance;
-                // The less hands go of their own, the more there must be a way on.
-                let most_strain = MOST_STRAIN * (1.8 - 0.8 * reach.own.max(0.0));
-                let solved = ended.unsolved <= 2.0 * tolerance && ended.strain <= most_strain;
-                let good = ended.free >= 1.0 && solved && !near && ended.sunk <= MOST_SUNK;
-                if good || last {
+                residual = residual.min(ended.strain);
+                let good = self.is_good(ended, cuts, reach);
+                if good || (last && ended.strain <= self.bearable(cuts)) {
                     self.plan(cuts, ended.iterations);
-                    let most = |a: Option<f64>, b: f64| Some(a.map_or(b, |a| a.max(b)));
-                    report.strain = most(report.strain, ended.strain);
-                    report.shear = most(report.shear, ended.shear);
-                    if let Some(gap) = ended.gap {
-                        report.gap = Some(report.gap.map_or(gap, |g| g.min(gap)));
-                    }
+                    add(report, ended);
                     if !good {
+                        let residual = ended.strain;
                         report.status = Status::IterationLimit {
-                            residual: ended.strain,
+                            residual,
                             tolerance,
                         };
                     }
@@ -350,11 +337,43 @@ impl Simulator {
             self.contacts.restore();
             self.stale = true;
         }
-        if last {
-            return Err(failure.unwrap_or(Error::Diverged));
+        if !last {
+            self.plan(cuts, u32::MAX);
+            return self.halves(h, [from, to], cuts, report);
         }
-        self.plan(cuts, u32::MAX);
-        self.halves(h, [from, to], cuts, report)
+        if let Some(error) = failure {
+            return Err(error);
+        }
+        // Nothing goes: the cloth stands still for once, and forgets its forces.
+        self.now.velocities.fill(DVec3::ZERO);
+        self.now.multipliers.fill(0.0);
+        self.now.reactions.fill(DVec3::ZERO);
+        self.now.time += h;
+        self.contacts.clear();
+        report.status = Status::IterationLimit {
+            residual,
+            tolerance,
+        };
+        Ok(())
+    }
+
+    /// Whether a substep ended on its constraints.
+    fn is_good(&self, ended: &Ended, cuts: u32, reach: Reach) -> bool {
+        let thickness = self.material.thickness;
+        let worse = self.saved[cuts as usize].gap - 1e-2 * thickness;
+        let near = ended
+            .gap
+            .is_some_and(|gap| gap < -MOST_TOO_NEAR * thickness && gap < worse);
+        // The less hands go of their own, the more there must be a way on.
+        let most_strain = MOST_STRAIN * (1.8 - 0.8 * reach.own.max(0.0));
+        let solved = ended.unsolved <= 2.0 * self.settings.tolerance && ended.strain <= most_strain;
+        ended.free >= 1.0 && solved && !near && ended.sunk <= MOST_SUNK
+    }
+
+    /// Strain that a substep may end with as a last resort: what it started with may be more.
+    fn bearable(&self, cuts: u32) -> f64 {
+        let [before, _] = self.rows.strain(&self.saved[cuts as usize].positions);
+        before.max(2.0 * MOST_STRAIN)
     }
 
     /// The same as two substeps of half the length.
@@ -381,6 +400,16 @@ impl Simulator {
             now.cuts = cuts.saturating_sub(1).min(MAX_CUTS_BEFOREHAND);
             now.easy = 0;
         }
+    }
+}
+
+/// Adds what a substep ended with to the report of its step.
+fn add(report: &mut StepReport, ended: &Ended) {
+    let most = |a: Option<f64>, b: f64| Some(a.map_or(b, |a| a.max(b)));
+    report.strain = most(report.strain, ended.strain);
+    report.shear = most(report.shear, ended.shear);
+    if let Some(gap) = ended.gap {
+        report.gap = Some(report.gap.map_or(gap, |g| g.min(gap)));
     }
 }
 

@@ -48,14 +48,15 @@ pub(crate) struct Ended {
 
 impl Simulator {
     /// One substep of `h` [s]. Hands go as far as `reach` says of their way, at whose end they are at
-    /// `share` of the step's. The last resort is to go only as far as nothing collides.
+    /// `share` of the step's. The last resort is to go only as far as nothing collides. None when the
+    /// iterations went astray.
     pub(crate) fn substep(
         &mut self,
         h: f64,
         share: f64,
         reach: Reach,
         last: bool,
-    ) -> Result<Ended, Error> {
+    ) -> Result<Option<Ended>, Error> {
         let law = self.begin(h)?;
         self.hands.set_targets(&self.scratch.start, share, reach);
         let n = self.areas.len();
@@ -120,7 +121,7 @@ impl Simulator {
             if !(moved.is_finite() && strain < 0.5)
                 || (!last && iteration > 2 && moved > 3.0 * least_moved && moved > 1e-3)
             {
-                return Err(Error::Diverged);
+                return Ok(None);
             }
             let sunk = (0..n)
                 .filter(|&node| !self.hands.is_held[node])
@@ -158,7 +159,7 @@ impl Simulator {
             (last_moved, last_strain) = (moved, unsolved);
         }
         self.end(h, law, last, &mut ended)?;
-        Ok(ended)
+        Ok(Some(ended))
     }
 
     /// Sets up what stays the same through the iterations.
