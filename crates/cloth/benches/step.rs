@@ -18,7 +18,8 @@ fn sheet(nodes: [usize; 2]) -> (Mesh, Simulator) {
 }
 
 /// Lifts the last corner by 12 cm and 10 cm inwards within a second, and says how long a step took.
-fn lift(mesh: &Mesh, cloth: &mut Simulator, steps: u32) -> Duration {
+fn lift(mesh: &Mesh, cloth: &mut Simulator) -> Duration {
+    let steps = 60;
     let (corner, start) = (mesh.node_count() - 1, mesh.rest()[mesh.node_count() - 1]);
     let before = Instant::now();
     for k in 1..=steps {
@@ -47,12 +48,7 @@ fn rest(c: &mut Criterion) {
 fn growth(c: &mut Criterion) {
     let mut group = c.benchmark_group("a step of a sheet lifted by a corner");
     group.sample_size(10);
-    for (nodes, steps) in [
-        ([12, 14], 60),
-        ([23, 28], 60),
-        ([46, 56], 60),
-        ([92, 112], 6),
-    ] {
+    for nodes in [[12, 14], [23, 28], [46, 56], [92, 112]] {
         let (mesh, mut cloth) = sheet(nodes);
         let zero = vec![DVec3::ZERO; mesh.node_count()];
         group.bench_function(BenchmarkId::from_parameter(mesh.node_count()), |b| {
@@ -60,7 +56,7 @@ fn growth(c: &mut Criterion) {
                 let mut spent = Duration::ZERO;
                 for _ in 0..repeats {
                     cloth.reset(mesh.rest(), &zero).expect("its own shape");
-                    spent += lift(&mesh, &mut cloth, steps);
+                    spent += lift(&mesh, &mut cloth);
                 }
                 spent
             });
