@@ -62,13 +62,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(code)
 }
 
-/// How many lines of a file hold something.
+/// How many lines of code a file has; nothing for one that is not there.
 fn lines(path: &Utf8Path) -> String {
-    let text = fs::read_to_string(path).unwrap_or_default();
-    match text.lines().filter(|line| !line.trim().is_empty()).count() {
+    match code_lines(&fs::read_to_string(path).unwrap_or_default()) {
         0 => String::new(),
         count => count.to_string(),
     }
+}
+
+/// Lines of a Python program that are neither empty nor comments nor in docstrings, which stand alone.
+fn code_lines(text: &str) -> usize {
+    const QUOTES: &str = "\"\"\"";
+    let (mut count, mut in_docstring) = (0, false);
+    for line in text.lines().map(str::trim) {
+        if in_docstring || line.starts_with(QUOTES) {
+            let closes = line.matches(QUOTES).count() % 2 == 1;
+            in_docstring ^= closes;
+        } else if !line.is_empty() && !line.starts_with('#') {
+            count += 1;
+        }
+    }
+    count
 }
 
 /// The lines of a table that the Python program has written.
@@ -85,6 +99,15 @@ fn table_rows(name: &str, csv: &str, lines: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lines_of_code_are_without_docs() {
+        let quotes = "\"\"\"";
+        let text = format!(
+            "{quotes}What\nit is.\n{quotes}\n\nimport a  # why\n\n\ndef b():\n    {quotes}One.{quotes}\n    # so\n    c = f({quotes}x\n    y{quotes})\n"
+        );
+        assert_eq!(code_lines(&text), 4);
+    }
 
     #[test]
     fn a_row_of_the_csv_file_is_a_row_of_the_table() {
