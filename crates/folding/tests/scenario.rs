@@ -444,7 +444,7 @@ fn a_cloth_can_come_from_a_file() {
     for (text, word) in [
         ("v 0 0 0\nv 1 0 zero\n", "half.obj"),
         ("v 0 0 0\nv 1 0 -1e-6\nv 0 1 0\nf 1 2 3\n", "node 1"),
-        ("v 0 0 0\nv 420 0 0\nv 0 590 0\nf 1 2 3\n", "within 100 m"),
+        ("v 500 0 0\nv 501 0 0\nv 500 1 0\nf 1 2 3\n", "within 100 m"),
     ] {
         std::fs::write(&obj, text).unwrap();
         let message = refused(&meshed);
@@ -476,7 +476,7 @@ fn a_cloth_can_come_from_a_file() {
     assert_eq!(scenario.mesh.node_count(), 644);
     assert_eq!(scenario.mesh.triangles().len(), 2 * 594);
     let case = &scenario.cases[0];
-    let mut run = |steps| {
+    let run = |steps| {
         selvedge_folding::run(&scenario, case, Solver::Default, |step| {
             match step < steps {
                 true => std::ops::ControlFlow::Continue(()),
