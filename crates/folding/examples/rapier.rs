@@ -31,42 +31,29 @@ struct Rapier {
 }
 
 impl Rapier {
-    fn new(scenario: &Scenario) -> Result<Self> {
+    /// Lays the scenario's cloth into a world.
+    fn new(mut world: PhysicsWorld, scenario: &Scenario) -> Result<Self> {
         let (mesh, material) = (&scenario.mesh, scenario.material);
         let grid = mesh.as_grid().context("cloth: must be a rectangle")?;
-        let [columns, rows] = grid.nodes;
-        let [dx, dy] = grid.spacing();
-        let mass = material.density * dx * dy;
-        let radius = material.thickness / 2.0;
-        let mut world = PhysicsWorld::new();
-
-        // The sheet; threads are as stiff as the step lets them be.
+        let ([columns, rows], [dx, dy]) = (grid.nodes, grid.spacing());
+        let (corner, mass) = (mesh.rest()[0], material.density * dx * dy);
+        // Threads are as stiff as the step lets them be.
         let thread = SpringCoefficients::new(1e4, 1.0);
         let hertz = (2.0 * material.shear / mass).sqrt() / std::f64::consts::TAU;
         let shear = SpringCoefficients::new(hertz, 1.0);
-        let (corner, dx, dy) = (mesh.rest()[0], dx * DVec3::X, dy * DVec3::Y);
+        let (dx, dy) = (dx * DVec3::X, dy * DVec3::Y);
         let sheet = SoftBodyBuilder::cloth_anisotropic(
             corner, dy, dx, rows, columns, thread, thread, shear,
         );
-        let surface = ColliderBuilder::ball(radius).friction(material.friction_cloth);
+        let radius = material.thickness / 2.0;
         let sheet = sheet
             .bend_edges(Vec::new())
             .particle_mass(mass)
             .particle_radius(radius)
-            .surface_collider(surface)
+            .surface_collider(ColliderBuilder::ball(radius).friction(material.friction_cloth))
             .self_contacts(true)
             .linear_damping(material.damping / material.density)
             .can_sleep(false);
-
-        // The table and the weight
-        let table = ColliderBuilder::new(SharedShape::halfspace(DVec3::Z))
-            .translation(-radius * DVec3::Z)
-            .friction(material.friction_table)
-            .friction_combine_rule(CoefficientCombineRule::Min);
-        world.insert_collider(table, None);
-        let weight = material.gravitational_density / material.density;
-        world.gravity = -scenario.default.gravity * weight * DVec3::Z;
-        world.integration_parameters.length_unit = 0.02; // the size of a cell
         Ok(Self {
             sheet: world.insert_soft_body(sheet),
             world,
@@ -92,10 +79,10 @@ impl ClothSimulator for Rapier {
         let nodes = held.nodes.iter().map(|&node| node as usize);
         let sheet = &mut self.world.soft_bodies[self.sheet];
         // A released node keeps its velocity.
-        (0..self.positions.len()).for_each(|node| sheet.set_particle_pinned(node, false));
-        nodes
-            .clone()
-            .for_each(|node| sheet.set_particle_pinned(node, true));
+        for node in 0..self.positions.len() {
+            let pinned = held.nodes.binary_search(&(node as u32)).is_ok();
+            sheet.set_particle_pinned(node, pinned);
+        }
         for step in 1..=steps as u32 {
             let sheet = &mut self.world.soft_bodies[self.sheet];
             for (node, &target) in nodes.clone().zip(held.targets) {
@@ -119,7 +106,6 @@ impl ClothSimulator for Rapier {
         (self.positions, self.velocities) = (positions.to_vec(), velocities.to_vec());
         let sheet = &mut self.world.soft_bodies[self.sheet];
         for (node, (&at, &velocity)) in positions.iter().zip(velocities).enumerate() {
-            sheet.set_particle_pinned(node, false);
             sheet.set_particle_position(node, at);
             sheet.set_particle_velocity(node, velocity);
         }
@@ -128,6 +114,21 @@ impl ClothSimulator for Rapier {
 }
 
 // The fold
+
+/// A table at half the cloth's thickness below z = 0, and the weight of the cloth.
+fn world(scenario: &Scenario) -> PhysicsWorld {
+    let material = scenario.material;
+    let mut world = PhysicsWorld::new();
+    let table = ColliderBuilder::new(SharedShape::halfspace(DVec3::Z))
+        .translation(-material.thickness / 2.0 * DVec3::Z)
+        .friction(material.friction_table)
+        .friction_combine_rule(CoefficientCombineRule::Min);
+    world.insert_collider(table, None);
+    let weight = material.gravitational_density / material.density;
+    world.gravity = -scenario.default.gravity * weight * DVec3::Z;
+    world.integration_parameters.length_unit = 0.02; // the size of a cell
+    world
+}
 
 fn main() -> Result<()> {
     let mut wanted: Vec<String> = std::env::args().skip(1).collect();
@@ -195,7 +196,7 @@ fn fold(scenario: &Scenario, name: &str, steps: usize) -> Result<Run> {
         steps,
         ..scenario.clone()
     };
-    let cloth = Box::new(Rapier::new(&scenario)?);
+    let cloth = Box::new(Rapier::new(world(&scenario), &scenario)?);
     Ok(run_on(&scenario, case, "rapier", cloth, |_| {
         ControlFlow::Continue(())
     })?)
