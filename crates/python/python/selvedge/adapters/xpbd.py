@@ -1,4 +1,4 @@
-"""Cloth by extended position based dynamics in 50 lines of numpy: the tutorial of an adapter.
+"""Cloth by extended position based dynamics in some 50 lines of numpy: the tutorial of an adapter.
 
 A cloth is springs without give along its edges and soft ones across its faces. A substep moves all
 nodes as if they were free, corrects pairs of nodes that are too near or too far, and takes as
