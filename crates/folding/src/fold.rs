@@ -11,7 +11,8 @@ use crate::{Case, Error, Scenario, Solver};
 pub(crate) struct Fold<'a> {
     scenario: &'a Scenario,
     case: &'a Case,
-    solver: Solver,
+    /// Ours, or none for a simulator from elsewhere.
+    solver: Option<Solver>,
     pub(crate) cloth: Box<dyn ClothSimulator + Send>,
     pub(crate) grippers: Grippers,
     /// Those of the last step; before the first, those of `t = 0`.
@@ -28,14 +29,26 @@ impl<'a> Fold<'a> {
         solver: Solver,
     ) -> Result<Self, Error> {
         Ok(Self {
+            solver: Some(solver),
+            ..Self::on(scenario, case, solver.build(scenario)?)
+        })
+    }
+
+    /// Grippers open, on a cloth from elsewhere.
+    pub(crate) fn on(
+        scenario: &'a Scenario,
+        case: &'a Case,
+        cloth: Box<dyn ClothSimulator + Send>,
+    ) -> Self {
+        Self {
             scenario,
             case,
-            solver,
-            cloth: solver.build(scenario)?,
+            solver: None,
+            cloth,
             grippers: grippers(case),
             commands: commands_at(case, 0.0).collect(),
             spent: Duration::ZERO,
-        })
+        }
     }
 
     /// Step number `step`, from 0: a command for each gripper, its targets for the cloth.
@@ -52,7 +65,9 @@ impl<'a> Fold<'a> {
         // Grippers
         let positions = self.cloth.positions();
         let anchors = match any_closes(&self.grippers, &self.commands) {
-            true => self.solver.anchors(scenario, positions),
+            true => self
+                .solver
+                .and_then(|solver| solver.anchors(scenario, positions)),
             false => None,
         };
         let options = Options {

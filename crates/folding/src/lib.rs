@@ -26,7 +26,7 @@ pub use error::Error;
 pub use expected::Expected;
 pub use experiment::{Event, Experiment, Export, FoldName, Options, experiment};
 pub use metric::{fold_error, half_fold};
-pub use run::{Run, run};
+pub use run::{Run, run, run_on};
 pub use scenario::{Case, Commands, GripperPlan, Scenario};
 pub use scenes::{Quantity, Scene};
 pub use solver::Solver;

@@ -2,15 +2,15 @@
 
 use std::ops::ControlFlow;
 
-use selvedge_grasp::{Event, Guard, Overstretch, Rules, Shape};
-use selvedge_math::Command;
+use selvedge_grasp::{Event, Guard, Overstretch, Rules};
+use selvedge_math::{ClothSimulator, Command};
 use selvedge_view::{GripperState, Recording, Rest, Sheet};
 
 use crate::fold::{Fold, view};
 use crate::resume::outcome;
 use crate::timing::time_gripper;
 use crate::worst::{Watch, Worst};
-use crate::{Case, Error, GripperPlan, Scenario, Solver, Timing};
+use crate::{Case, Error, Scenario, Solver, Timing};
 
 /// Held nodes may be commanded so many times their rest distance apart before it is told.
 const SLACK: f64 = 1.01;
@@ -43,10 +43,52 @@ pub fn run(
     scenario: &Scenario,
     case: &Case,
     solver: Solver,
+    observe: impl FnMut(usize) -> ControlFlow<()>,
+) -> Result<Run, Error> {
+    let fold = Fold::new(scenario, case, solver)?;
+    let mut run = record(scenario, case, fold, solver.substeps(scenario), observe)?;
+    let meta = meta(scenario, case, solver, outcome(&run));
+    run.recording.set_meta(meta)?;
+    Ok(run)
+}
+
+/// Runs a case on a simulator from elsewhere, which holds the scenario's cloth at rest; `name` is what
+/// the recording calls it. The loop, the recording and the measures are those of [`run`].
+///
+/// # Errors
+/// As [`run`].
+pub fn run_on(
+    scenario: &Scenario,
+    case: &Case,
+    name: &str,
+    cloth: Box<dyn ClothSimulator + Send>,
+    observe: impl FnMut(usize) -> ControlFlow<()>,
+) -> Result<Run, Error> {
+    let fold = Fold::on(scenario, case, cloth);
+    let mut run = record(scenario, case, fold, 1, observe)?;
+    let meta = serde_json::json!({
+        "scenario": scenario.name,
+        "case": case.name,
+        "solver": name,
+        "version": env!("CARGO_PKG_VERSION"),
+        "dt": scenario.frame,
+        "material": scenario.material,
+        "grippers": case.volumes(),
+        "outcome": outcome(&run),
+    });
+    run.recording.set_meta(meta.to_string())?;
+    Ok(run)
+}
+
+/// The loop: steps, measures, frames. The recording has no description yet.
+fn record(
+    scenario: &Scenario,
+    case: &Case,
+    mut fold: Fold<'_>,
+    substeps: u32,
     mut observe: impl FnMut(usize) -> ControlFlow<()>,
 ) -> Result<Run, Error> {
     let mesh = &scenario.mesh;
-    let mut fold = Fold::new(scenario, case, solver)?;
     let mut guard = Guard::new(view(scenario, mesh.rest()), SLACK)
         .map_err(|reason| Error::Gripper { time: 0.0, reason })?;
     let mut watch = Watch::new(mesh);
@@ -103,20 +145,17 @@ pub fn run(
     let mut timing = time_gripper(scenario, case, &recording)?;
     let steps = scenario.steps as u32;
     timing.solver_step = fold.spent / steps;
-    timing.solver_substep = timing.solver_step / solver.substeps(scenario);
+    timing.solver_substep = timing.solver_step / substeps;
     let simulated = scenario.frame * f64::from(steps);
     timing.real_time_factor = simulated / (fold.spent + timing.gripper_step * steps).as_secs_f64();
-    let mut run = Run {
+    Ok(Run {
         recording,
         support,
         worst: watch.worst,
         refused,
         overstretch,
         timing: Some(timing),
-    };
-    let meta = meta(scenario, case, solver, outcome(&run));
-    run.recording.set_meta(meta)?;
-    Ok(run)
+    })
 }
 
 /// Faces and shape at rest of the scenario's cloth.
@@ -138,7 +177,6 @@ pub(crate) fn sheet(scenario: &Scenario) -> Sheet {
 /// The description of a recording.
 fn meta(scenario: &Scenario, case: &Case, solver: Solver, outcome: serde_json::Value) -> String {
     let (settings, tolerance, material) = solver.meta(scenario);
-    let grippers: Vec<_> = case.grippers.iter().map(gripper_meta).collect();
     let meta = serde_json::json!({
         "scenario": scenario.name,
         "case": case.name,
@@ -148,25 +186,9 @@ fn meta(scenario: &Scenario, case: &Case, solver: Solver, outcome: serde_json::V
         "tolerance": tolerance,
         "material": material,
         "settings": settings,
-        "grippers": grippers,
+        "grippers": case.volumes(),
         "input_sha256": case.input_hash(solver),
         "outcome": outcome,
     });
     meta.to_string()
-}
-
-/// The grasping volume, for those who draw it.
-fn gripper_meta(plan: &GripperPlan) -> serde_json::Value {
-    let tip_offset = plan.gripper.volume().offset();
-    match plan.gripper.volume().shape() {
-        Shape::Box { size } => {
-            serde_json::json!({"type": "box", "size_m": size.to_array(), "tip_offset_m": tip_offset.to_array()})
-        }
-        Shape::Pyramid { side, height } => serde_json::json!({
-            "type": "pyramid",
-            "side_m": side,
-            "height_m": height,
-            "tip_offset_m": tip_offset.to_array(),
-        }),
-    }
 }

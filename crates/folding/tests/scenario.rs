@@ -413,3 +413,87 @@ fn a_step_is_cut_into_the_fewest_substeps_that_are_short_enough() {
         assert_eq!(Solver::Default.substeps(&scenario), number, "{substep}");
     }
 }
+
+#[test]
+fn a_cloth_can_come_from_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("fold.toml");
+    let grid = scenario_file("corner_fold.toml");
+    let lines = ["sides_m = [0.42, 0.59]", "nodes = [23, 28]"];
+    assert!(lines.iter().all(|line| grid.contains(line)));
+    let meshed = grid.replace(lines[0], "mesh = \"sheets/half.obj\"");
+    let meshed = meshed.replacen(lines[1], "", 1);
+    let refused = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        Scenario::load(&path).unwrap_err().to_string()
+    };
+
+    // What cannot be used is told, with the file, the key and the reason.
+    let message = refused(&meshed);
+    assert!(
+        message.contains("fold.toml: cloth.mesh = \"sheets/half.obj\""),
+        "{message}"
+    );
+    assert!(
+        message.contains("sheets/half.obj: No such file"),
+        "{message}"
+    );
+    let sheets = folder.path().join("sheets");
+    std::fs::create_dir(&sheets).unwrap();
+    let obj = sheets.join("half.obj");
+    for (text, word) in [
+        ("v 0 0 0\nv 1 0 zero\n", "half.obj"),
+        ("v 0 0 0\nv 1 0 -1e-6\nv 0 1 0\nf 1 2 3\n", "node 1"),
+        ("v 500 0 0\nv 501 0 0\nv 500 1 0\nf 1 2 3\n", "within 100 m"),
+    ] {
+        std::fs::write(&obj, text).unwrap();
+        let message = refused(&meshed);
+        assert!(
+            message.contains("cloth.mesh") && message.contains(word),
+            "{message}"
+        );
+    }
+    let both = grid.replace(
+        lines[0],
+        "sides_m = [0.42, 0.59]\nmesh = \"sheets/half.obj\"",
+    );
+    assert!(refused(&both).contains("sides_m and nodes"));
+    let neither = grid.replacen(lines[1], "", 1);
+    assert!(refused(&neither).contains("cloth.nodes"));
+
+    // The same sheet cut into triangles: node numbers and cases stay.
+    let mesh = selvedge_cloth::Mesh::grid([23, 28], [0.42, 0.59]).unwrap();
+    let mut text = String::from("# metres\n");
+    for p in mesh.rest() {
+        text += &format!("v {} {} {}\n", p.x, p.y, p.z);
+    }
+    for [a, b, c, d] in mesh.quads().iter().map(|quad| quad.map(|node| node + 1)) {
+        text += &format!("f {a} {b} {c}\nf {a} {c} {d}\n");
+    }
+    std::fs::write(&obj, &text).unwrap();
+    std::fs::write(&path, &meshed).unwrap();
+    let scenario = Scenario::load(&path).unwrap();
+    assert_eq!(scenario.mesh.node_count(), 644);
+    assert_eq!(scenario.mesh.triangles().len(), 2 * 594);
+    let case = &scenario.cases[0];
+    let run = |steps| {
+        selvedge_folding::run(&scenario, case, Solver::Default, |step| {
+            match step < steps {
+                true => std::ops::ControlFlow::Continue(()),
+                false => std::ops::ControlFlow::Break(()),
+            }
+        })
+    };
+    // It closes on a node in step 60, or this would be another error.
+    assert!(matches!(run(62), Err(selvedge_folding::Error::Stopped)));
+    let error = selvedge_folding::run(&scenario, case, Solver::Published, |_| {
+        std::ops::ControlFlow::Continue(())
+    });
+    assert!(error.is_err_and(|error| error.to_string().contains("the published scheme")));
+
+    // A run depends on the content of the file, not on where it is.
+    let hash = scenario.cases[0].input_hash(Solver::Default).to_owned();
+    std::fs::write(&obj, text.replace("# metres", "# m")).unwrap();
+    let changed = Scenario::load(&path).unwrap();
+    assert_ne!(changed.cases[0].input_hash(Solver::Default), hash);
+}

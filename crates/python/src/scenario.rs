@@ -181,25 +181,9 @@ impl Scenario {
     }
 
     /// The description of a case's grasping volumes for `Recording`: an entry a gripper.
-    fn volumes<'py>(&self, py: Python<'py>, case: &str) -> PyResult<Vec<Bound<'py, PyDict>>> {
-        let entry = |plan: &folding::GripperPlan| {
-            let volume = plan.gripper.volume();
-            let fields = PyDict::new(py);
-            match volume.shape() {
-                selvedge_grasp::Shape::Box { size } => {
-                    fields.set_item("type", "box")?;
-                    fields.set_item("size_m", size.to_array())?;
-                }
-                selvedge_grasp::Shape::Pyramid { side, height } => {
-                    fields.set_item("type", "pyramid")?;
-                    fields.set_item("side_m", side)?;
-                    fields.set_item("height_m", height)?;
-                }
-            }
-            fields.set_item("tip_offset_m", volume.offset().to_array())?;
-            Ok(fields)
-        };
-        self.case(case)?.grippers.iter().map(entry).collect()
+    fn volumes<'py>(&self, py: Python<'py>, case: &str) -> PyResult<Bound<'py, PyAny>> {
+        let text = self.case(case)?.volumes_json();
+        py.import("json")?.call_method1("loads", (text,))
     }
 }
 

@@ -117,3 +117,23 @@ def test_speed() -> None:
     speed = 800 / (time.process_time() - start)
     print(f"{speed:.0f} steps/s")
     assert speed > 250
+
+
+def test_pictures_of_all_sheets() -> None:
+    envs = gymnasium.make_vec(IDS[0], num_envs=2, render_mode="rgb_array")
+    envs.reset(seed=0)
+    lift = np.array([[0, 0, 1, 0, 0, 0, 1]], np.float32)
+    for _ in range(12):
+        envs.step(np.stack([lift, np.zeros_like(lift)]))
+    lifted, flat = envs.render()
+    assert lifted.shape == flat.shape and lifted.shape[2] == 3 and lifted.dtype == np.uint8
+    assert flat.std() > 5  # there is something to see
+    assert not np.array_equal(lifted, flat)
+    alone = gymnasium.make(IDS[0], render_mode="rgb_array")
+    alone.reset(seed=1)
+    for _ in range(12):
+        alone.step(np.zeros_like(lift))
+    assert np.array_equal(alone.render(), flat)
+    assert gymnasium.make_vec(IDS[0], num_envs=2).render() is None
+    with pytest.raises(ValueError, match="render_mode: human"):
+        gymnasium.make_vec(IDS[0], num_envs=2, render_mode="human")

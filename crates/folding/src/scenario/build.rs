@@ -30,7 +30,7 @@ fn recording_bytes(steps: usize, nodes: usize, grippers: usize) -> u64 {
 }
 
 impl File {
-    pub(super) fn check(self, name: &str, check: &Check<'_>) -> Result<Scenario, Error> {
+    pub(super) fn check(mut self, name: &str, check: &Check<'_>) -> Result<Scenario, Error> {
         if self.schema != 1 {
             return Err(check.value("schema", self.schema, "1"));
         }

@@ -1,8 +1,11 @@
 //! The cloth and the settings of its solvers, each value checked.
 
+use std::path::Path;
+
 use selvedge_cloth::{Material, Mesh};
 
 use super::check::Check;
+use super::hash::sha256;
 use super::tables::{ClothTable, DefaultTable, PublishedTable, TimeTable};
 use crate::Error;
 
@@ -13,22 +16,29 @@ const MAX_SUBSTEPS: f64 = 1e4;
 /// Iterations of a substep.
 const MAX_ITERATIONS: u32 = 10_000;
 
+/// Recordings hold every node at every step.
+const MAX_NODES: i64 = 100_000;
+
 impl ClothTable {
-    pub(super) fn mesh(&self, check: &Check<'_>) -> Result<Mesh, Error> {
-        for side in self.sides_m {
-            check.above("cloth.sides_m", side, 0.0, MAX_LENGTH)?;
+    /// The cloth at rest: a rectangle, or the mesh of a file, whose hash is kept.
+    pub(super) fn mesh(&mut self, check: &Check<'_>) -> Result<Mesh, Error> {
+        match (&self.mesh, self.sides_m, self.nodes) {
+            (None, Some(sides), Some(nodes)) => rectangle(sides, nodes, check),
+            (Some(name), None, None) => {
+                let (mesh, hash) = file(name, check)?;
+                self.mesh_sha256 = Some(hash);
+                Ok(mesh)
+            }
+            (Some(name), ..) => {
+                let bound = "alone: sides_m and nodes are those of a sheet without a file";
+                Err(check.value("cloth.mesh", format!("{name:?}"), bound))
+            }
+            (None, sides, _) => {
+                let missing = if sides.is_none() { "sides_m" } else { "nodes" };
+                let bound = "given, or mesh in place of sides_m and nodes";
+                Err(check.value(format!("cloth.{missing}"), "missing", bound))
+            }
         }
-        let [na, nb] = self.nodes;
-        // Recordings hold every node at every step.
-        const MAX_NODES: i64 = 100_000;
-        if na < 2 || nb < 2 || na.saturating_mul(nb) > MAX_NODES {
-            let bound = format!("at least 2 each and at most {MAX_NODES} in all");
-            return Err(check.value("cloth.nodes", format!("[{na}, {nb}]"), bound));
-        }
-        Mesh::grid(self.nodes.map(|n| n as usize), self.sides_m).map_err(|error| Error::Syntax {
-            file: check.file.to_owned(),
-            message: error.to_string(),
-        })
     }
 
     pub(super) fn material(&self, check: &Check<'_>) -> Result<Material, Error> {
@@ -61,6 +71,53 @@ impl ClothTable {
             thickness: self.thickness_m,
         })
     }
+}
+
+fn rectangle(sides: [f64; 2], nodes: [i64; 2], check: &Check<'_>) -> Result<Mesh, Error> {
+    for side in sides {
+        check.above("cloth.sides_m", side, 0.0, MAX_LENGTH)?;
+    }
+    let [na, nb] = nodes;
+    if na < 2 || nb < 2 || na.saturating_mul(nb) > MAX_NODES {
+        let bound = format!("at least 2 each and at most {MAX_NODES} in all");
+        return Err(check.value("cloth.nodes", format!("[{na}, {nb}]"), bound));
+    }
+    let mesh = Mesh::grid(nodes.map(|n| n as usize), sides);
+    mesh.map_err(|error| check.value("cloth.nodes", format!("[{na}, {nb}]"), error.to_string()))
+}
+
+/// The mesh of a Wavefront OBJ file, named from the scenario's folder, and the file's hash.
+fn file(name: &str, check: &Check<'_>) -> Result<(Mesh, String), Error> {
+    let refused = |bound: String| check.value("cloth.mesh", format!("{name:?}"), bound);
+    let folder = Path::new(check.file).parent().unwrap_or(Path::new(""));
+    let path = folder.join(name);
+    let text = std::fs::read_to_string(&path).map_err(|error| {
+        refused(format!(
+            "an OBJ file that can be read ({}: {error})",
+            path.display()
+        ))
+    })?;
+    let mesh = Mesh::parse_obj(&text, &path.display().to_string())
+        .map_err(|error| refused(format!("a mesh of faces with 3 or 4 corners ({error})")))?;
+    if mesh.node_count() as i64 > MAX_NODES {
+        let bound = format!(
+            "at most {MAX_NODES} nodes ({} has {})",
+            path.display(),
+            mesh.node_count()
+        );
+        return Err(refused(bound));
+    }
+    for (node, p) in mesh.rest().iter().enumerate() {
+        if p.z < 0.0 || p.abs().max_element() > MAX_LENGTH {
+            let [x, y, z] = p.to_array();
+            return Err(refused(format!(
+                "of nodes above the table z = 0 and within {MAX_LENGTH} m (node {node} of {} is at {x} {y} {z})",
+                path.display()
+            )));
+        }
+    }
+    let hash = sha256(text.as_bytes());
+    Ok((mesh, hash))
 }
 
 impl PublishedTable {

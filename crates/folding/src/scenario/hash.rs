@@ -24,6 +24,11 @@ impl File {
 
 /// SHA-256 of the tables in the order of the file, numbers in shortest form.
 fn hash(inputs: &impl Serialize) -> Result<String, serde_json::Error> {
-    let digest = Sha256::digest(serde_json::to_string(inputs)?);
-    Ok(digest.iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(sha256(serde_json::to_string(inputs)?.as_bytes()))
+}
+
+/// SHA-256 in hexadecimal.
+pub(super) fn sha256(bytes: &[u8]) -> String {
+    let digest = Sha256::digest(bytes);
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -10,9 +10,10 @@ mod tables;
 use std::path::Path;
 
 use selvedge_cloth::{Material, Mesh};
-use selvedge_grasp::Gripper;
+use selvedge_grasp::{Gripper, Shape};
 use selvedge_math::DVec3;
 use selvedge_trajectory::FoldTimes;
+use serde_json::json;
 
 use crate::{Error, Solver};
 
@@ -65,6 +66,27 @@ impl Case {
             Solver::Published => &self.published_hash,
             Solver::Default => &self.default_hash,
         }
+    }
+
+    /// The grasping volumes as a recording describes them, for those who draw them: a list in JSON with
+    /// an entry a gripper.
+    pub fn volumes_json(&self) -> String {
+        self.volumes().to_string()
+    }
+
+    pub(crate) fn volumes(&self) -> serde_json::Value {
+        let entry = |plan: &GripperPlan| {
+            let volume = plan.gripper.volume();
+            let mut fields = match volume.shape() {
+                Shape::Box { size } => json!({"type": "box", "size_m": size.to_array()}),
+                Shape::Pyramid { side, height } => {
+                    json!({"type": "pyramid", "side_m": side, "height_m": height})
+                }
+            };
+            fields["tip_offset_m"] = json!(volume.offset().to_array());
+            fields
+        };
+        self.grippers.iter().map(entry).collect()
     }
 }
 

@@ -19,8 +19,16 @@ pub(super) struct File {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ClothTable {
-    pub(super) sides_m: [f64; 2],
-    pub(super) nodes: [i64; 2],
+    // A rectangle, or the mesh of a file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) sides_m: Option<[f64; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) nodes: Option<[i64; 2]>,
+    #[serde(skip_serializing)]
+    pub(super) mesh: Option<String>,
+    // A run depends on what is in the file, not on its name.
+    #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
+    pub(super) mesh_sha256: Option<String>,
     pub(super) density_kg_per_m2: f64,
     pub(super) gravitational_density_kg_per_m2: f64,
     pub(super) damping_kg_per_m2_s: f64,

@@ -11,10 +11,14 @@ when the sheet cannot do what the grippers want.
 from collections.abc import Sequence
 from typing import Any
 
-import gymnasium
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
+
+from ._extra import extra
+
+with extra("gym"):
+    import gymnasium
+    from gymnasium.vector import AutoresetMode, VectorEnv
 
 from . import BoxVolume, Gripper, Grippers, Mesh, Recording, Squeeze, Worlds, half_fold
 
@@ -52,6 +56,13 @@ def turned(quaternions: Array, rotations: Array) -> Array:
     )
     result: Array = product / np.linalg.norm(product, axis=-1, keepdims=True)
     return result
+
+
+def checked_mode(mode: str | None) -> str | None:
+    """The render mode; raises `ValueError` for one that there is not."""
+    if mode not in (None, "rgb_array"):
+        raise ValueError(f'render_mode: {mode}, must be "rgb_array" or None')
+    return mode
 
 
 class Folds:
@@ -106,6 +117,16 @@ class Folds:
         errors: Array = np.sqrt(squares.mean(axis=1)) / self.mesh.diagonal
         return errors
 
+    def picture(self, world: int) -> NDArray[np.uint8]:
+        """A sheet and its grippers as they are now, (H, W, 3)."""
+        grippers = self.closed.shape[1]
+        recording = Recording(self.mesh, grippers)
+        holders = [0] * self.mesh.node_count
+        recording.push(
+            0.0, self.positions[world], self.poses[world], self.closed[world], [0.0] * grippers, holders
+        )
+        return recording.picture()
+
     def observations(self) -> dict[str, Array]:
         """Of all worlds."""
         jaws = self.closed[..., None].astype(np.float64)
@@ -119,7 +140,8 @@ class ClothFold(gymnasium.Env[dict[str, Array], NDArray[np.float32]]):
     metadata = {"render_modes": ["rgb_array"], "render_fps": 60}
 
     def __init__(self, grippers: int = 1, render_mode: str | None = None, noise: float = 0.005) -> None:
-        self.folds, self.render_mode, self.noise = Folds(1, grippers, 1), render_mode, noise
+        self.folds, self.noise = Folds(1, grippers, 1), noise
+        self.render_mode = checked_mode(render_mode)
         self.action_space, self.observation_space = spaces(grippers, len(self.folds.keypoints))
 
     def reset(
@@ -148,20 +170,13 @@ class ClothFold(gymnasium.Env[dict[str, Array], NDArray[np.float32]]):
         }
 
     def render(self) -> NDArray[np.uint8] | None:
-        if self.render_mode is None:
-            return None
-        folds = self.folds
-        picture = Recording(folds.mesh, folds.closed.shape[1])
-        held = [0] * folds.mesh.node_count
-        alphas = [0.0] * folds.closed.shape[1]
-        picture.push(0.0, folds.positions[0], folds.poses[0], folds.closed[0], alphas, held)
-        return picture.picture()
+        return self.folds.picture(0) if self.render_mode == "rgb_array" else None
 
 
 class ClothFoldVector(VectorEnv[dict[str, Array], NDArray[np.float32], Any]):
     """Many sheets, stepped on Rust threads. The same trajectories with any number of threads."""
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 60}
 
     def __init__(
         self,
@@ -171,7 +186,9 @@ class ClothFoldVector(VectorEnv[dict[str, Array], NDArray[np.float32], Any]):
         noise: float = 0.005,
         max_episode_steps: int = STEPS,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
     ) -> None:
+        self.render_mode = checked_mode(render_mode)
         self.num_envs, self.noise, self.limit = num_envs, noise, max_episode_steps
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
@@ -232,6 +249,12 @@ class ClothFoldVector(VectorEnv[dict[str, Array], NDArray[np.float32], Any]):
             self.restart(over)
         infos.update(self.infos())
         return self.folds.observations(), rewards, terminated, truncated, infos
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """A picture a sheet, as they are now: those that have ended and are to be reset show their end."""
+        if self.render_mode is None:
+            return None
+        return tuple(self.folds.picture(world) for world in range(self.num_envs))
 
     def infos(self) -> dict[str, Any]:
         every = np.ones(self.num_envs, bool)

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ._extra import extra
 from ._native import Recording
 
 VERSION = "v3.0"
@@ -43,8 +44,9 @@ def to_lerobot(
     folder: str | PathLike[str], recordings: Sequence[Recording], task: str = "fold the cloth"
 ) -> None:
     """Writes recordings of the same cloth and grippers, one an episode, into a new folder."""
-    import pyarrow as pa
-    from pyarrow import parquet
+    with extra("lerobot"):
+        import pyarrow as pa
+        from pyarrow import parquet
 
     root = Path(folder)
     if root.exists():

@@ -12,6 +12,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from .._extra import extra
 from .._native import Cloth, Mesh
 
 Points: TypeAlias = NDArray[np.float64]
@@ -39,12 +40,14 @@ class Simulator(Protocol):
 
 
 def make(name: str, mesh: Mesh, material: Mapping[str, float], gravity: float = 9.8) -> Simulator:
-    """A simulator by name: "default" or a key of `NAMES`. Raises `ImportError` without its package."""
+    """A simulator by name: "default" or a key of `NAMES`. Raises `ImportError` that names what to
+    install where its package is missing."""
     if name == "default":
         return Cloth(mesh, material, {"gravity": gravity})
     if name not in NAMES:
         raise ValueError(f"name: {name}, must be one of {['default', *NAMES]}")
-    module = import_module(f".{name}", __package__)
+    with extra(name):
+        module = import_module(f".{name}", __package__)
     simulator: Simulator = getattr(module, NAMES[name])(mesh, material, gravity)
     return simulator
 

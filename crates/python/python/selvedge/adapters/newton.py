@@ -24,7 +24,7 @@ class Newton:
         gravity: float = 9.8,
         substep: float = 1 / 600,
         iterations: int = 10,
-        stiffness: float = 2e3,
+        stiffness: float = 1e4,
     ) -> None:
         wp.config.log_level = wp.LOG_WARNING
         thickness, density = material["thickness"], material["density"]
@@ -36,8 +36,10 @@ class Newton:
             vertices=[wp.vec3(*p) for p in mesh.rest.tolist()],
             indices=triangles(mesh).ravel().tolist(),
             density=density, particle_radius=thickness / 2,
-            tri_ke=stiffness, tri_ka=stiffness, tri_kd=0.0, edge_ke=material["bending"], edge_kd=0.0,
+            tri_ke=material["shear"], tri_ka=0.0, tri_kd=0.0, edge_ke=material["bending"], edge_kd=0.0,
         )  # fmt: skip
+        for i, j in mesh.edges.tolist():
+            builder.add_spring(i, j, ke=stiffness, kd=0.0, control=0.0)
         builder.color(include_bending=True)
         self.model = builder.finalize(device="cpu")
         self.model.soft_contact_ke, self.model.soft_contact_kd = 1e3, 0.0

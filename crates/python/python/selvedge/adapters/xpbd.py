@@ -1,10 +1,21 @@
-"""Cloth by extended position based dynamics with small steps: the tutorial of an adapter.
+"""Cloth by extended position based dynamics in some 50 lines of numpy: the tutorial of an adapter.
 
-Macklin, Mueller and Chentanez 2016 (compliance), Macklin et al. 2019 (one pass a small step). Lengths
-of edges are constraints, diagonals of faces soft ones. Layers do not collide.
+A cloth is springs without give along its edges and soft ones across its faces. A substep moves all
+nodes as if they were free, corrects pairs of nodes that are too near or too far, and takes as
+velocities what came of it (Macklin, Mueller and Chentanez 2016; a substep has one pass, Macklin et al.
+2019). Pairs without a common node are corrected at once, by arrays.
+
+What a gripper asks of a simulator is in three places of `step`, and of any other that you adapt:
+
+1. Held nodes have no weight: nobody pushes them away.
+2. In each substep they are set on the straight line to their targets, so that the cloth follows.
+3. At the end they are at their targets with the velocities given, which a release leaves to them.
+
+Left out, for shortness: layers do not collide, and nothing resists bending.
 """
 
 from collections.abc import Mapping
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +30,13 @@ class XPBD:
     def __init__(
         self, mesh: Mesh, material: Mapping[str, float], gravity: float = 9.8, substep: float = 1 / 1200
     ) -> None:
-        quads, edges = mesh.quads, mesh.edges
-        pairs = np.concatenate([edges, quads[:, [0, 2]], quads[:, [1, 3]]]).astype(np.int64)
-        compliance = np.where(np.arange(len(pairs)) < len(edges), 0.0, 1 / material["shear"])
+        diagonals = np.concatenate([mesh.quads[:, [0, 2]], mesh.quads[:, [1, 3]]])
+        pairs = np.concatenate([mesh.edges, diagonals]).astype(np.int64)
         lengths = np.linalg.norm(mesh.rest[pairs[:, 0]] - mesh.rest[pairs[:, 1]], axis=1)
-        self.batches = [
-            (pairs[rows, 0], pairs[rows, 1], lengths[rows], compliance[rows]) for rows in colours(pairs)
-        ]
+        compliances = np.repeat([0, 1 / material["shear"]], [len(mesh.edges), len(diagonals)])
+        colour = colours(pairs)
+        groups = [np.flatnonzero(colour == number) for number in range(colour.max() + 1)]
+        self.groups = [(*pairs[rows].T, lengths[rows], compliances[rows]) for rows in groups]
         self.weight = 1 / (material["density"] * node_areas(mesh))
         self.fall = np.array([0, 0, -gravity * material["gravitational_density"] / material["density"]])
         self.decay = material["damping"] / material["density"]
@@ -38,45 +49,36 @@ class XPBD:
 
     def step(self, held: Held, dt: float) -> None:
         nodes, targets, velocities = held
-        start = self.positions[nodes]
-        weight = self.weight.copy()
-        weight[nodes] = 0  # held nodes do not yield
-        count = int(np.ceil(dt / self.substep - 1e-9))
-        h = dt / count
-        for k in range(count):
+        start, weight = self.positions[nodes], self.weight.copy()
+        weight[nodes] = 0  # 1.
+        substeps = int(np.ceil(dt / self.substep - 1e-9))
+        h = dt / substeps
+        for k in range(1, substeps + 1):
             before = self.positions
-            v = (self.velocities + h * self.fall) * np.exp(-self.decay * h)
-            x = before + h * v
-            x[nodes] = start + (targets - start) * ((k + 1) / count)
-            for i, j, length, compliance in self.batches:
-                d = x[i] - x[j]
-                now = np.sqrt(np.einsum("ij,ij->i", d, d))
-                give = weight[i] + weight[j] + compliance / h**2
-                push = ((now - length) / np.maximum(now * give, 1e-30))[:, None] * d
-                push[weight[i] + weight[j] == 0] = 0
+            x = before + h * (self.velocities + h * self.fall) * np.exp(-self.decay * h)
+            x[nodes] = start + (targets - start) * (k / substeps)  # 2.
+            for i, j, length, compliance in self.groups:
+                way = x[i] - x[j]
+                distance = np.linalg.norm(way, axis=1)
+                yielding = weight[i] + weight[j] + compliance / h**2
+                push = ((distance - length) / (distance * yielding + 1e-30))[:, None] * way
                 x[i] -= weight[i, None] * push
                 x[j] += weight[j, None] * push
-            free = weight > 0
-            depth = np.where(free, np.maximum(-x[:, 2], 0), 0)
-            x[:, 2] += depth
+            depth = np.where(weight > 0, np.maximum(-x[:, 2], 0), 0)  # below the table
             slide = (x - before)[:, :2]
-            far = np.linalg.norm(slide, axis=1)
-            x[:, :2] -= slide * np.minimum(self.friction * depth / np.maximum(far, 1e-30), 1)[:, None]
+            grip = self.friction * depth / np.maximum(np.linalg.norm(slide, axis=1), 1e-30)
+            x[:, :2] -= np.minimum(grip, 1)[:, None] * slide
+            x[:, 2] += depth
             self.positions, self.velocities = x, (x - before) / h
-        self.positions[nodes], self.velocities[nodes] = targets, velocities
+        self.positions[nodes], self.velocities[nodes] = targets, velocities  # 3.
 
 
-def colours(pairs: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Rows of `pairs` in groups in which no node comes twice."""
-    used: list[set[int]] = []
-    groups: list[list[int]] = []
+def colours(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    """A number for each pair; no node is in two pairs of the same number."""
+    taken: list[set[int]] = [set() for _ in range(pairs.max() + 1)]
+    result = np.zeros(len(pairs), np.int64)
     for row, (i, j) in enumerate(pairs.tolist()):
-        for colour in range(len(used) + 1):
-            if colour == len(used):
-                used.append(set())
-                groups.append([])
-            if i not in used[colour] and j not in used[colour]:
-                used[colour] |= {i, j}
-                groups[colour].append(row)
-                break
-    return [np.array(group) for group in groups]
+        result[row] = next(number for number in count() if number not in taken[i] | taken[j])
+        taken[i].add(result[row])
+        taken[j].add(result[row])
+    return result
