@@ -1,5 +1,8 @@
 //! What every arm does, and the arms that are led by a stream of poses.
 
+pub(crate) mod cartesian;
+pub(crate) mod joints;
+
 use std::sync::Arc;
 
 use selvedge_math::Pose;

@@ -1,5 +1,7 @@
 //! What every gripper does.
 
+pub mod action;
+
 use selvedge_math::Jaw;
 
 use crate::error::Cause;

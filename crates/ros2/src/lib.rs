@@ -13,11 +13,16 @@
 #![forbid(unsafe_code)]
 
 pub mod arm;
+pub mod connect;
+mod dds;
 pub mod error;
 pub mod gripper;
 pub mod journal;
 pub mod limits;
+pub mod messages;
+pub mod network;
 pub mod plan;
 pub mod play;
+mod robot;
 pub mod segment;
 pub mod state;
