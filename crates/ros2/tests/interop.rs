@@ -2,11 +2,8 @@
 //! of its own. Skipped by name where there is no Python with `cyclonedds`: the program in
 //! `SELVEDGE_PYTHON`, else `python3`.
 
-use std::ffi::OsString;
-use std::io::{BufRead, BufReader, Read};
-use std::path::Path;
-use std::process::{Child, ChildStdout, Command as Process, Stdio};
-use std::sync::Mutex;
+mod peer;
+
 use std::sync::atomic::AtomicBool;
 
 use selvedge_franka::{Arm, Placement};
@@ -23,75 +20,7 @@ use selvedge_ros2::state::State;
 use selvedge_trajectory::log::{Log, Sample};
 use serde_json::{Value, json};
 
-/// Cyclone DDS on 127.0.0.1, without multicast, which `lo` often has not.
-const CYCLONE: &str = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface \
-    address=\"127.0.0.1\"/></Interfaces><AllowMulticast>false</AllowMulticast></General><Discovery>\
-    <ParticipantIndex>auto</ParticipantIndex><Peers><Peer address=\"127.0.0.1\"/></Peers></Discovery>\
-    </Domain></CycloneDDS>";
-
-/// One at a time: timing is looked at, and a machine may have two cores.
-static ALONE: Mutex<()> = Mutex::new(());
-
-struct Peer {
-    child: Child,
-    output: BufReader<ChildStdout>,
-    domain: u16,
-}
-
-impl Peer {
-    /// A peer that does what it is told, or nothing when it cannot be.
-    fn start(test: &str, domain: u16, plan: &Plan, told: Value) -> Option<Self> {
-        let python =
-            std::env::var_os("SELVEDGE_PYTHON").unwrap_or_else(|| OsString::from("python3"));
-        let there = Process::new(&python)
-            .arg("-c")
-            .arg("import cyclonedds")
-            .output();
-        if !there.is_ok_and(|output| output.status.success()) {
-            eprintln!("{test}: skipped, {} has no cyclonedds", python.display());
-            return None;
-        }
-        let mut all =
-            json!({"domain": domain, "joints": plan.start_joints(), "names": plan.joint_names});
-        for (key, value) in told.as_object().unwrap() {
-            all[key] = value.clone();
-        }
-        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peer.py");
-        let mut child = Process::new(&python)
-            .arg(script)
-            .arg(all.to_string())
-            .env("CYCLONEDDS_URI", CYCLONE)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut output = BufReader::new(child.stdout.take().unwrap());
-        let mut line = String::new();
-        output.read_line(&mut line).unwrap();
-        assert_eq!(line, "ready\n");
-        Some(Self {
-            child,
-            output,
-            domain,
-        })
-    }
-
-    /// What it has received.
-    fn finish(mut self) -> Value {
-        drop(self.child.stdin.take());
-        let mut text = String::new();
-        self.output.read_to_string(&mut text).unwrap();
-        self.child.wait().unwrap();
-        // Nothing from one that was killed.
-        serde_json::from_str(&text).unwrap_or_default()
-    }
-}
-
-impl Drop for Peer {
-    fn drop(&mut self) {
-        self.child.kill().ok();
-    }
-}
+use peer::{ALONE, Peer};
 
 fn plan() -> Plan {
     let mut log = Log::new("sideways");
@@ -141,7 +70,7 @@ fn run(
 ) -> Option<Played> {
     let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
     let plan = plan();
-    let peer = Peer::start(test, domain, &plan, told)?;
+    let peer = Peer::start(test, domain, plan.start_joints(), &plan.joint_names, told)?;
     let (arm, gripper) = kind;
     let names = Names {
         arm: arm.into(),
@@ -386,10 +315,7 @@ fn a_peer_that_goes_or_intrudes_stops_the_arm_at_rest() {
             "/target_pose has 1 publishers besides this one",
         ),
         (json!({"mute_after": 6.0}), "the measured state is 0.2"),
-        (
-            json!({"kill_after": 950}),
-            "the measured state is 0.2",
-        ),
+        (json!({"kill_after": 950}), "the measured state is 0.2"),
     ]
     .into_iter()
     .enumerate()
