@@ -97,7 +97,8 @@ impl Robot {
             return Ok(Measured::NEVER);
         }
         for (q, joint) in self.joints.iter().zip(self.arm.joints()) {
-            if !(joint.limits.margin(*q) >= -BEYOND) {
+            let margin = joint.limits.margin(*q);
+            if margin.is_nan() || margin < -BEYOND {
                 let what = format!("{} in {}", joint.name, self.topic);
                 return Err(Cause::Impossible {
                     what,

@@ -4,7 +4,8 @@
 
 mod peer;
 
-use std::sync::atomic::AtomicBool;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use selvedge_franka::{Arm, Placement};
 use selvedge_math::{Command, DVec3, Jaw, Pose};
@@ -70,6 +71,7 @@ fn run(
 ) -> Option<Played> {
     let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
     let plan = plan();
+    let stop_after = told["stop_after"].as_f64();
     let peer = Peer::start(test, domain, plan.start_joints(), &plan.joint_names, told)?;
     let (arm, gripper) = kind;
     let names = Names {
@@ -102,7 +104,14 @@ fn run(
         overrun: 2.0,
         ..Settings::default()
     };
-    let stop = AtomicBool::new(false);
+    let stop = Arc::new(AtomicBool::new(false));
+    if let Some(seconds) = stop_after {
+        let stop = Arc::clone(&stop);
+        std::thread::spawn(move || {
+            std::thread::sleep(std::time::Duration::from_secs_f64(seconds));
+            stop.store(true, Ordering::Relaxed);
+        });
+    }
     let end = play(
         &plan,
         &mut *robots.arm,
@@ -423,4 +432,23 @@ fn joint_trajectories_are_those_of_the_plan() {
     };
     let text = "/arm/follow_joint_trajectory ended as Aborted: code -4: path tolerance";
     assert_eq!(cause.to_string(), text);
+}
+
+#[test]
+fn a_stop_cancels_the_trajectory_and_waits_for_the_answer() {
+    let name = "a_stop_cancels_the_trajectory_and_waits_for_the_answer";
+    let joints = ("joints", "gripper-command");
+    // In the way to the first pose, which takes 2.5 s after some 1.5 s.
+    let told = json!({"stop_after": 3.0});
+    let Some(played) = run(name, 38, joints, 0.004, Jaws::default(), told) else {
+        return;
+    };
+    assert_eq!(played.end, State::Stopped(Cause::Signal));
+    assert_eq!(played.got["cancels"], 1);
+    assert_eq!(played.got["goals"].as_array().unwrap().len(), 1);
+    let ended = played
+        .lines
+        .iter()
+        .any(|line| line["event"] == "trajectory ended");
+    assert!(ended, "{:?}", played.lines);
 }
