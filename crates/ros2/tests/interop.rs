@@ -1,4 +1,4 @@
-//! Against a robot of another make: `peer.py`, on Cyclone DDS, on 127.0.0.1 only, each test on a domain
+//! Against a robot of another make: `peer/peer.py`, on Cyclone DDS, on 127.0.0.1 only, each test on a domain
 //! of its own. Skipped by name where there is no Python with `cyclonedds`: the program in
 //! `SELVEDGE_PYTHON`, else `python3`.
 
@@ -93,7 +93,7 @@ fn run(
     let path = folder.path().join("run.jsonl");
     let (journal, writer) = Journal::create(&path).unwrap();
     let network = Network {
-        domain: peer.domain,
+        domain,
         loopback: true,
         mapping: Mapping::Cyclone,
     };

@@ -15,17 +15,16 @@ const CYCLONE: &str = "<CycloneDDS><Domain><General><Interfaces><NetworkInterfac
     </Domain></CycloneDDS>";
 
 /// One at a time: timing is looked at, and a machine may have two cores.
-pub static ALONE: Mutex<()> = Mutex::new(());
+pub(crate) static ALONE: Mutex<()> = Mutex::new(());
 
-pub struct Peer {
+pub(crate) struct Peer {
     child: Child,
     output: BufReader<ChildStdout>,
-    pub domain: u16,
 }
 
 impl Peer {
     /// A peer that does what it is told, or nothing when it cannot be.
-    pub fn start(
+    pub(crate) fn start(
         test: &str,
         domain: u16,
         joints: &[f64],
@@ -59,15 +58,11 @@ impl Peer {
         let mut line = String::new();
         output.read_line(&mut line).unwrap();
         assert_eq!(line, "ready\n");
-        Some(Self {
-            child,
-            output,
-            domain,
-        })
+        Some(Self { child, output })
     }
 
     /// What it has received.
-    pub fn finish(mut self) -> Value {
+    pub(crate) fn finish(mut self) -> Value {
         drop(self.child.stdin.take());
         let mut text = String::new();
         self.output.read_to_string(&mut text).unwrap();
