@@ -1,0 +1,251 @@
+//! The program itself: what it refuses, what it plays, and how a signal stops it.
+
+mod peer;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command as Process, Output, Stdio};
+use std::time::Duration;
+
+use selvedge_folding::Scenario;
+use selvedge_franka::{Arm, Placement};
+use selvedge_math::DVec3;
+use selvedge_ros2::limits::Limits;
+use selvedge_ros2::plan::{Plan, Request, Workspace};
+use selvedge_trajectory::log::{self, Log, Sample};
+use serde_json::{Value, json};
+
+use peer::{ALONE, Peer};
+
+/// The command log of a case, as `cargo xtask experiments` writes it.
+fn log_of(scenario: &str, case: &str) -> Log {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../fixtures/scenarios")
+        .join(scenario);
+    let scenario = Scenario::load(path).unwrap();
+    let gripper = &scenario.case(case).unwrap().grippers[0];
+    let mut log = Log::new(case);
+    log.tip_offset = gripper.tip_offset;
+    log.samples = (0..scenario.steps)
+        .map(|step| scenario.time(step))
+        .map(|time| Sample {
+            time,
+            command: gripper.schedule.command(time),
+        })
+        .collect();
+    log
+}
+
+fn written(folder: &Path, log: &Log) -> PathBuf {
+    let path = folder.join("commands.csv");
+    log::write(&mut std::fs::File::create(&path).unwrap(), log).unwrap();
+    path
+}
+
+/// The place of the base that docs/REACH.md has for F1.
+const BASE: [&str; 2] = ["--base=0.77,0,0,-1.5707963267948966", "--flip"];
+
+fn program(log: &Path, folder: &Path, more: &[&str]) -> Process {
+    let mut process = Process::new(env!("CARGO_BIN_EXE_selvedge-play"));
+    process
+        .arg(log)
+        .args(BASE)
+        .args(more)
+        .arg("--journal")
+        .arg(folder.join("run.jsonl"));
+    process
+        .env_remove("RMW_IMPLEMENTATION")
+        .env_remove("ROS_DISTRO");
+    process.stdout(Stdio::piped()).stderr(Stdio::piped());
+    process
+}
+
+fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+}
+
+#[test]
+fn a_dry_run_is_the_default_and_tells_the_plan() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = written(folder.path(), &log_of("franka_fold.toml", "F1"));
+    let output = program(&path, folder.path(), &[]).output().unwrap();
+    let text = text(&output);
+    assert_eq!(output.status.code(), Some(0), "{text}");
+    assert!(text.contains("dry run: nothing was sent"), "{text}");
+    assert!(text.contains("motion 1: 10.50 s, then closed"), "{text}");
+    // Nothing is even written.
+    assert!(!folder.path().join("run.jsonl").exists());
+}
+
+#[test]
+fn what_cannot_be_done_is_refused_with_status_3() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = written(folder.path(), &log_of("corner_fold.toml", "C8"));
+    let output = program(&path, folder.path(), &["--execute"])
+        .output()
+        .unwrap();
+    let said = text(&output);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    let cause = "fr3_leftfinger is below the table by 4.9 mm, whatever the posture and the base";
+    assert!(said.contains(cause), "{said}");
+    // Too fast, for the default limits.
+    let path = written(folder.path(), &log_of("franka_fold.toml", "F1"));
+    let output = program(&path, folder.path(), &["--execute", "--speed", "1"])
+        .output()
+        .unwrap();
+    let said = text(&output);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(
+        said.contains("at most 0.25 m/s; a lower --speed helps"),
+        "{said}"
+    );
+    let output = program(&path, folder.path(), &["--arm", "moveit"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output).contains("servo and moveit are not there yet"));
+    let mut zenoh = program(&path, folder.path(), &["--execute"]);
+    let output = zenoh
+        .env("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")
+        .output()
+        .unwrap();
+    assert!(
+        text(&output).contains("RMW_IMPLEMENTATION is `rmw_zenoh_cpp`"),
+        "{}",
+        text(&output)
+    );
+    assert_ne!(output.status.code(), Some(0));
+}
+
+fn plan(log: &Log) -> Plan {
+    let base = [0.77, 0.0, 0.0, -std::f64::consts::FRAC_PI_2];
+    let mut placement = Placement::new(base, 0.0).unwrap();
+    placement.flip = true;
+    Plan::new(&Request {
+        log,
+        placement: &placement,
+        arm: Some(&Arm::fr3()),
+        speed: 0.5,
+        limits: Limits::default(),
+        workspace: Workspace::franka(0.0),
+    })
+    .unwrap()
+}
+
+/// Plays F1 at half speed on a peer; a signal after so many seconds, if any. What the program has
+/// said and its status, what the peer has received, and the plan.
+fn played(test: &str, domain: u16, signal: Option<f64>) -> Option<(Output, Value, Plan)> {
+    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+    let folder = tempfile::tempdir().unwrap();
+    let log = log_of("franka_fold.toml", "F1");
+    let plan = plan(&log);
+    let peer = Peer::start(
+        test,
+        domain,
+        plan.start_joints(),
+        &plan.joint_names,
+        json!({}),
+    )?;
+    let path = written(folder.path(), &log);
+    let more = [
+        "--execute",
+        "--speed=0.5",
+        "--gripper-name=/gripper",
+        "--overrun=500",
+    ];
+    let child = program(&path, folder.path(), &more)
+        .env("ROS_DOMAIN_ID", domain.to_string())
+        .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        .env("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")
+        .spawn()
+        .unwrap();
+    if let Some(seconds) = signal {
+        std::thread::sleep(Duration::from_secs_f64(seconds));
+        let id = child.id().to_string();
+        assert!(
+            Process::new("kill")
+                .args(["-TERM", &id])
+                .status()
+                .unwrap()
+                .success()
+        );
+    }
+    let output = child.wait_with_output().unwrap();
+    std::thread::sleep(Duration::from_millis(300));
+    Some((output, peer.finish(), plan))
+}
+
+fn positions(got: &Value) -> Vec<DVec3> {
+    let pose = |pose: &Value| {
+        let [x, y, z] = [0, 1, 2].map(|k| pose[k].as_f64().unwrap());
+        DVec3::new(x, y, z)
+    };
+    got["poses"].as_array().unwrap().iter().map(pose).collect()
+}
+
+#[test]
+fn a_fold_is_played_from_its_log() {
+    let Some((output, got, plan)) = played("a_fold_is_played_from_its_log", 40, None) else {
+        return;
+    };
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let asked: Vec<&Value> = got["goals"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|goal| &goal[1][0])
+        .collect();
+    assert_eq!(json!(asked), json!([0.04, 0.0, 0.04]));
+    // The last segment rests and so does the first; the motion between them, sample by sample.
+    let path = positions(&got);
+    let moving = &plan.segments[1];
+    let samples = (moving.law.duration() / 0.004) as usize;
+    let at = |k: usize| moving.at(0.004 * k as f64).position();
+    // It is found by its first step that is long enough to be no rounding.
+    let far = (0..samples)
+        .find(|k| at(*k).distance(at(0)) > 1e-3)
+        .unwrap();
+    let first = path
+        .iter()
+        .skip(700)
+        .position(|p| p.distance(at(0)) > 1e-3)
+        .unwrap()
+        + 700;
+    let first = (first as i64 - far as i64) as usize;
+    for k in 0..samples {
+        assert!(
+            path[first + k].distance(at(k)) < 1e-9,
+            "sample {k}: {} {}",
+            path[first + k],
+            at(k)
+        );
+    }
+}
+
+#[test]
+fn a_signal_stops_the_program_on_the_path() {
+    // Approach and resting part are over after some 6 s; the jaws close and the motion follows.
+    let name = "a_signal_stops_the_program_on_the_path";
+    let Some((output, got, plan)) = played(name, 41, Some(12.0)) else {
+        return;
+    };
+    let said = text(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("stopped: Ctrl-C or SIGTERM"), "{said}");
+    let path = positions(&got);
+    let v: Vec<f64> = path
+        .windows(2)
+        .map(|p| p[1].distance(p[0]) / 0.004)
+        .collect();
+    assert!(v[v.len() - 40..].iter().all(|v| *v < 1e-9), "not at rest");
+    let end = path[path.len() - 1];
+    let goal = plan.segments[1]
+        .pose(plan.segments[1].law.length)
+        .position();
+    assert!(
+        end.distance(path[0]) > 0.01 && end.distance(goal) > 0.01,
+        "{end}"
+    );
+    // The jaws are left closed.
+    let last = got["goals"].as_array().unwrap().last().unwrap().clone();
+    assert_eq!(last[1][0], 0.0);
+}
