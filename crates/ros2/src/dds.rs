@@ -399,7 +399,7 @@ where
                         .iter()
                         .any(|w| w.publication_topic_data.topic_name == reply)
             };
-            if names.iter().all(|name| there(&name)) {
+            if names.iter().all(there) {
                 std::thread::sleep(SETTLE);
                 return Ok(());
             }

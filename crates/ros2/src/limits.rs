@@ -139,9 +139,7 @@ fn largest(moving: impl Iterator<Item = Moving>, before: Option<[Moving; 2]>) ->
     let (mut last, mut last_acceleration) = ([DVec3::ZERO; 2], [DVec3::ZERO; 2]);
     if let Some([a, b]) = before {
         last = rates(&b);
-        for k in 0..2 {
-            last_acceleration[k] = (rates(&b)[k] - rates(&a)[k]) / TICK;
-        }
+        last_acceleration = [0, 1].map(|k| (last[k] - rates(&a)[k]) / TICK);
     }
     let mut peaks = [0.0f64; 6];
     for now in moving {

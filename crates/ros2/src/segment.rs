@@ -145,8 +145,9 @@ fn second(x: &[f64], y: &[[f64; 7]]) -> Vec<[f64; 7]> {
         }
     }
     for k in (0..n - 1).rev() {
-        for j in 0..7 {
-            m[k][j] -= upper[k] * m[k + 1][j];
+        let after = m[k + 1];
+        for (value, after) in m[k].iter_mut().zip(after) {
+            *value -= upper[k] * after;
         }
     }
     m

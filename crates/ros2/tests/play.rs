@@ -1,4 +1,5 @@
 //! Whole runs without a network, in time that is counted only: the way of a run, and every fault.
+#![allow(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

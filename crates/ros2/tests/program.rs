@@ -1,4 +1,5 @@
 //! The program itself: what it refuses, what it plays, and how a signal stops it.
+#![allow(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
 
 mod peer;
 
@@ -29,7 +30,7 @@ fn log_of(scenario: &str, case: &str) -> Log {
         .map(|step| scenario.time(step))
         .map(|time| Sample {
             time,
-            command: gripper.schedule.command(time),
+            command: gripper.commands.command(time),
         })
         .collect();
     log

@@ -1,4 +1,5 @@
 //! A robot of another make.
+#![allow(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
 
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, Read};
