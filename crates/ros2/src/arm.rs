@@ -2,6 +2,8 @@
 
 pub(crate) mod cartesian;
 pub(crate) mod joints;
+pub(crate) mod moveit;
+pub(crate) mod servo;
 
 use std::sync::Arc;
 
@@ -50,6 +52,15 @@ pub trait Arm {
     /// Measured joint positions, empty when the arm does not need them.
     fn joints(&self) -> &[f64] {
         &[]
+    }
+
+    /// Looks at all segments before the first of them begins; may take seconds, and may put other joint
+    /// positions into them. Stops may take `brake` seconds ([`Plan::brake`](crate::plan::Plan)).
+    ///
+    /// # Errors
+    /// Why one of them cannot be followed.
+    fn path(&mut self, _segments: &mut [Arc<Segment>], _brake: f64) -> Result<(), Cause> {
+        Ok(())
     }
 
     /// Commands to stay at the measured pose.
@@ -122,13 +133,14 @@ enum Mode {
 }
 
 impl<S: Sink> Stream<S> {
-    /// An arm behind a sink; stops take `brake` seconds ([`Plan::brake`](crate::plan::Plan)).
-    pub fn new(sink: S, limits: Limits, brake: f64, journal: Journal) -> Self {
+    /// An arm behind a sink.
+    pub fn new(sink: S, limits: Limits, journal: Journal) -> Self {
         Self {
             sink,
             guard: Guard::new(limits),
             journal,
-            brake,
+            // As long as any, until it is told better.
+            brake: 3.2,
             mode: Mode::Silent,
         }
     }
@@ -153,6 +165,14 @@ impl<S: Sink> Arm for Stream<S> {
 
     fn measured(&mut self) -> Result<Measured, Cause> {
         self.sink.measured()
+    }
+
+    fn path(&mut self, _segments: &mut [Arc<Segment>], brake: f64) -> Result<(), Cause> {
+        self.brake = brake;
+        // Time begins anew.
+        self.guard = Guard::new(self.guard.limits());
+        self.mode = Mode::Silent;
+        Ok(())
     }
 
     fn hold(&mut self, now: f64, pose: &Pose) -> Result<(), Cause> {

@@ -1,57 +1,53 @@
-//! Topics and actions on the network: the only file that names ros2-client.
+//! Topics, services and actions on the network: the only file that names ros2-client.
 //!
-//! What is known of that library and worked around here: it has no deadline on any call; "matched"
-//! means that our side matched, so what is sent at once may be lost; it matches readers of other
-//! types; it reads no environment.
+//! What is known of that library and worked around by `topic`, `call` and `action`: it has no deadline
+//! on any call; "matched" means that our side matched, so what is sent at once may be lost; it matches
+//! readers of other types; it reads no environment; its own reader of `/clock` expects another type.
 
 use std::net::{IpAddr, Ipv4Addr};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use byteorder::LittleEndian;
 use ros2_client::action::{
     ActionClient, ActionClientQosPolicies, GoalId, GoalStatusEnum, SendGoalRequest,
 };
-use ros2_client::dds::rustdds::{DomainParticipant, DomainParticipantBuilder, GUID};
+use ros2_client::dds::rustdds::cdr_encoding;
+use ros2_client::dds::rustdds::{DomainParticipant, DomainParticipantBuilder};
 use ros2_client::qos::{Durability, History, QosProfile, WhenFull};
+pub(crate) use ros2_client::Message;
 use ros2_client::{
-    ActionTypeName, Context, Message, MessageTypeName, Node, NodeName, NodeOptions, RmwRequestId,
-    ServiceMapping,
+    ActionTypeName, Context, MessageTypeName, Node, NodeName, NodeOptions, ParameterValue,
+    RmwRequestId, ServiceMapping, ServiceTypeName,
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::error::{Cause, Error};
-use crate::messages;
+use crate::error::Error;
+use crate::names::Names;
 use crate::network::{Mapping, Network};
+use crate::topic::{Watched, look};
 
-/// Between our match and theirs [s].
-const SETTLE: Duration = Duration::from_millis(300);
 /// How often the network is looked at while waiting, and by the watcher.
-const LOOK: Duration = Duration::from_millis(20);
-/// How often a request that was not answered is repeated.
-const AGAIN: Duration = Duration::from_millis(500);
+pub(crate) const LOOK: Duration = Duration::from_millis(20);
+
+/// A type of messages, services or actions: package and name.
+pub(crate) type Kind = (&'static str, &'static str);
+
+/// What tells a reply from others.
+pub(crate) type RequestId = RmwRequestId;
 
 /// Our node.
 pub(crate) struct Bus {
     node: Node,
     participant: DomainParticipant,
     mapping: ServiceMapping,
+    names: Names,
     watched: Arc<Mutex<Vec<Watched>>>,
     over: Arc<AtomicBool>,
-}
-
-struct Watched {
-    topic: String,
-    own: GUID,
-    counts: Arc<Counts>,
-}
-
-/// Peers on a topic, as of the last look.
-#[derive(Default)]
-struct Counts {
-    readers: AtomicUsize,
-    other_writers: AtomicUsize,
+    /// How long others are waited for [s].
+    pub(crate) patience: f64,
 }
 
 fn network(what: &str, reason: impl ToString) -> Error {
@@ -67,8 +63,25 @@ fn reliable(depth: usize) -> QosProfile {
         .history(History::KeepLast { depth })
 }
 
+fn transient(depth: usize) -> QosProfile {
+    reliable(depth).durability(Durability::TransientLocal)
+}
+
+/// Whether samples are kept for those who come later.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kept {
+    No,
+    Last,
+}
+
 impl Bus {
-    pub(crate) fn new(settings: &Network, name: &str) -> Result<Self, Error> {
+    /// Joins the network; `parameters` are shown to `ros2 param` and cannot be set from outside.
+    pub(crate) fn new(
+        settings: &Network,
+        names: &Names,
+        parameters: &[(String, String)],
+        patience: f64,
+    ) -> Result<Self, Error> {
         let mut builder = DomainParticipantBuilder::new(settings.domain);
         if settings.loopback {
             builder = builder.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)]);
@@ -78,14 +91,28 @@ impl Bus {
             .map_err(|e| network("the DDS participant", e))?;
         let context = Context::from_domain_participant(participant.clone())
             .map_err(|e| network("the ROS context", e))?;
-        let name =
-            NodeName::new("/", name).map_err(|e| network("the node's name", format!("{e:?}")))?;
-        let options = NodeOptions::new()
+        let name = NodeName::new(names.namespace(), names.node())
+            .map_err(|e| network("the node's name", e))?;
+        // The library's parameter services always tell requests apart as Enhanced does: with another
+        // mapping nobody would get an answer.
+        let mut options = NodeOptions::new()
             .enable_rosout(false)
-            .start_parameter_services(false);
+            .start_parameter_services(settings.mapping == Mapping::Enhanced);
+        for (name, value) in parameters {
+            options = options.declare_parameter(name, ParameterValue::String(value.clone()));
+        }
+        let declared = Arc::new(AtomicBool::new(false));
+        let closed = Arc::clone(&declared);
+        options = options.parameter_validator(Box::new(move |_, _| {
+            if closed.load(Ordering::Relaxed) {
+                return Err("read only: the command line of selvedge-play decides".into());
+            }
+            Ok(())
+        }));
         let mut node = context
             .new_node(name, options)
-            .map_err(|e| network("the node", format!("{e:?}")))?;
+            .map_err(|e| network("the node", e))?;
+        declared.store(true, Ordering::Relaxed);
         let spinner = node.spinner().map_err(|e| network("the node", e))?;
         let thread = |name: &str| std::thread::Builder::new().name(name.into());
         thread("spinner")
@@ -93,11 +120,12 @@ impl Bus {
             .map_err(|e| network("a thread", e))?;
         let watched: Arc<Mutex<Vec<Watched>>> = Arc::default();
         let over = Arc::new(AtomicBool::new(false));
-        let (list, end, from) = (Arc::clone(&watched), Arc::clone(&over), participant.clone());
+        let (list, end) = (Arc::clone(&watched), Arc::clone(&over));
+        let peers = Peers(participant.clone());
         thread("watcher")
             .spawn(move || {
                 while !end.load(Ordering::Relaxed) {
-                    look(&from, &list);
+                    look(&peers, &list);
                     std::thread::sleep(LOOK);
                 }
             })
@@ -110,70 +138,80 @@ impl Bus {
             node,
             participant,
             mapping,
+            names: names.clone(),
             watched,
             over,
+            patience,
         })
     }
 
-    /// A reliable publisher.
-    pub(crate) fn publisher<M: Serialize>(
+    /// Who is there.
+    pub(crate) fn peers(&self) -> Peers {
+        Peers(self.participant.clone())
+    }
+
+    /// A name as the network has it, with namespace and remaps.
+    pub(crate) fn resolve(&self, name: &str) -> Result<String, Error> {
+        self.names.resolve(name)
+    }
+
+    /// True when the program ends.
+    pub(crate) fn over(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.over)
+    }
+
+    /// Has the peers of a topic counted.
+    pub(crate) fn watch(&self, watched: Watched) {
+        let mut list = self.watched.lock().unwrap_or_else(|e| e.into_inner());
+        list.push(watched);
+    }
+
+    /// A reliable writer of a topic with its full name.
+    pub(crate) fn writer<M: Serialize>(
         &mut self,
         topic: &str,
-        package: &str,
-        kind: &str,
-    ) -> Result<Out<M>, Error> {
-        let what = |e: &dyn ToString| network(topic, e.to_string());
-        let message = MessageTypeName::new(package, kind);
-        let expected = message.dds_msg_type();
-        let name = ros2_client::Name::parse(topic).map_err(|e| network(topic, format!("{e:?}")))?;
-        let qos = reliable(10);
-        let handle = self
-            .node
-            .create_topic(&name, message, &qos)
-            .map_err(|e| what(&e))?;
-        let publisher = self
-            .node
-            .create_publisher(&handle, None)
-            .map_err(|e| what(&e))?;
-        let counts = Arc::new(Counts::default());
-        let watched = Watched {
-            topic: format!("rt{topic}"),
-            own: publisher.guid(),
-            counts: Arc::clone(&counts),
+        kind: Kind,
+        kept: Kept,
+    ) -> Result<Writer<M>, Error> {
+        let name = parsed(topic)?;
+        let qos = match kept {
+            Kept::No => reliable(10),
+            Kept::Last => transient(1),
         };
-        self.watched
-            .lock()
-            .unwrap_or_else(|e| e.into_inner())
-            .push(watched);
-        Ok(Out {
+        let kind = MessageTypeName::new(kind.0, kind.1);
+        let type_name = kind.dds_msg_type();
+        let handle = self.node.create_topic(&name, kind, &qos);
+        let handle = handle.map_err(|e| network(topic, e))?;
+        let publisher = self.node.create_publisher(&handle, None);
+        let publisher = publisher.map_err(|e| network(topic, e))?;
+        Ok(Writer {
+            own: Id(publisher.guid().to_bytes()),
             publisher,
-            topic: topic.into(),
-            expected,
-            counts,
-            participant: self.participant.clone(),
+            type_name,
         })
     }
 
-    /// A best-effort subscription whose messages go to `take` on a thread of its own.
+    /// A subscription, best effort unless what was written before us is wanted; its messages go to
+    /// `take` on a thread of its own.
     pub(crate) fn subscribe<M: DeserializeOwned + Send + 'static>(
         &mut self,
         topic: &str,
-        package: &str,
-        kind: &str,
+        kind: Kind,
+        kept: Kept,
         mut take: impl FnMut(M) + Send + 'static,
     ) -> Result<(), Error> {
-        let name = ros2_client::Name::parse(topic).map_err(|e| network(topic, format!("{e:?}")))?;
-        let qos = QosProfile::subscription_default().history(History::KeepLast { depth: 10 });
-        let message = MessageTypeName::new(package, kind);
-        let handle = self
-            .node
-            .create_topic(&name, message, &qos)
-            .map_err(|e| network(topic, e))?;
-        let subscription = self
-            .node
-            .create_subscription::<M>(&handle, None)
-            .map_err(|e| network(topic, e))?;
-        let end = Arc::clone(&self.over);
+        let topic = self.resolve(topic)?;
+        let name = parsed(&topic)?;
+        let qos = match kept {
+            Kept::No => QosProfile::subscription_default().history(History::KeepLast { depth: 10 }),
+            Kept::Last => transient(100),
+        };
+        let kind = MessageTypeName::new(kind.0, kind.1);
+        let handle = self.node.create_topic(&name, kind, &qos);
+        let handle = handle.map_err(|e| network(&topic, e))?;
+        let subscription = self.node.create_subscription::<M>(&handle, None);
+        let subscription = subscription.map_err(|e| network(&topic, e))?;
+        let end = self.over();
         std::thread::Builder::new()
             .name("state".into())
             .spawn(move || {
@@ -189,39 +227,42 @@ impl Bus {
         Ok(())
     }
 
-    /// A client of an action.
-    pub(crate) fn action<G, R, F>(
-        &mut self,
-        name: &str,
-        package: &str,
-        kind: &str,
-    ) -> Result<Action<G, R, F>, Error>
+    /// A client of a service with its full name.
+    pub(crate) fn service<Q, R>(&mut self, name: &str, kind: Kind) -> Result<Service<Q, R>, Error>
+    where
+        Q: Message + Clone + 'static,
+        R: Message + 'static,
+    {
+        let parsed = parsed(name)?;
+        let kind = ServiceTypeName::new(kind.0, kind.1);
+        let client = self
+            .node
+            .create_client(self.mapping, &parsed, &kind, reliable(10), reliable(10))
+            .map_err(|e| network(name, e))?;
+        Ok(Service(client))
+    }
+
+    /// A client of an action with its full name.
+    pub(crate) fn goals<G, R, F>(&mut self, name: &str, kind: Kind) -> Result<Goals<G, R, F>, Error>
     where
         G: Message + Clone + 'static,
         R: Message + Clone + 'static,
         F: Message + 'static,
     {
-        let action = ros2_client::Name::parse(name).map_err(|e| network(name, format!("{e:?}")))?;
-        let status = reliable(1).durability(Durability::TransientLocal);
+        let parsed = parsed(name)?;
         let policies = ActionClientQosPolicies {
             goal_service: reliable(10),
             result_service: reliable(10),
             cancel_service: reliable(10),
             feedback_subscription: reliable(10),
-            status_subscription: status,
+            status_subscription: transient(1),
         };
-        let kind = ActionTypeName::new(package, kind);
+        let kind = ActionTypeName::new(kind.0, kind.1);
         let client = self
             .node
-            .create_action_client(self.mapping, &action, &kind, policies)
+            .create_action_client(self.mapping, &parsed, &kind, policies)
             .map_err(|e| network(name, e))?;
-        let participant = self.participant.clone();
-        Ok(Action {
-            client,
-            name: name.into(),
-            participant,
-            phase: Phase::Idle,
-        })
+        Ok(Goals(client))
     }
 }
 
@@ -231,97 +272,84 @@ impl Drop for Bus {
     }
 }
 
-/// Counts the peers of each watched topic.
-fn look(participant: &DomainParticipant, watched: &Mutex<Vec<Watched>>) {
-    let (readers, writers) = (
-        participant.discovered_readers(),
-        participant.discovered_writers(),
-    );
-    let watched = watched.lock().unwrap_or_else(|e| e.into_inner());
-    for Watched { topic, own, counts } in watched.iter() {
-        let on = readers
-            .iter()
-            .filter(|r| r.subscription_topic_data.topic_name == *topic);
-        counts.readers.store(on.count(), Ordering::Relaxed);
-        let on = writers.iter().filter(|w| {
-            let data = &w.publication_topic_data;
-            data.topic_name == *topic && data.key.prefix != own.prefix
-        });
-        counts.other_writers.store(on.count(), Ordering::Relaxed);
+fn parsed(name: &str) -> Result<ros2_client::Name, Error> {
+    ros2_client::Name::parse(name).map_err(|e| network(name, e))
+}
+
+/// The identity of a reader or writer; its first twelve bytes are those of the program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Id([u8; 16]);
+
+impl Id {
+    pub(crate) fn same_program(&self, other: &Self) -> bool {
+        self.0[..12] == other.0[..12]
     }
 }
 
-/// A publisher that knows who else is on its topic.
-pub(crate) struct Out<M: Serialize> {
-    publisher: ros2_client::dds::Publisher<M>,
-    topic: String,
-    expected: String,
-    counts: Arc<Counts>,
-    participant: DomainParticipant,
+/// A reader or writer that was discovered.
+pub(crate) struct Peer {
+    pub(crate) id: Id,
+    pub(crate) topic: String,
+    pub(crate) type_name: String,
 }
 
-impl<M: Serialize> Out<M> {
-    /// Waits for a reader of the right type, and until it knows us too.
-    pub(crate) fn wait(&self, seconds: f64) -> Result<(), Cause> {
-        let until = Instant::now() + Duration::from_secs_f64(seconds);
-        let dds_name = format!("rt{}", self.topic);
-        loop {
-            let readers = self.participant.discovered_readers();
-            let types = readers.iter().map(|r| &r.subscription_topic_data);
-            let types: Vec<&String> = types
-                .filter(|t| t.topic_name == dds_name)
-                .map(|t| t.type_name())
-                .collect();
-            if types.iter().any(|t| **t == self.expected) {
-                break;
-            }
-            if Instant::now() > until {
-                let topic = self.topic.clone();
-                return Err(match types.first() {
-                    Some(found) => Cause::TypeMismatch {
-                        topic,
-                        found: (*found).clone(),
-                        expected: self.expected.clone(),
-                    },
-                    None => Cause::Absent {
-                        name: topic,
-                        seconds,
-                    },
-                });
-            }
-            std::thread::sleep(LOOK);
-        }
-        std::thread::sleep(SETTLE);
-        self.check()
-    }
+/// Who is on the network.
+#[derive(Clone)]
+pub(crate) struct Peers(DomainParticipant);
 
-    /// Whether somebody reads and nobody else writes.
-    pub(crate) fn check(&self) -> Result<(), Cause> {
-        let topic = || self.topic.clone();
-        match self.counts.other_writers.load(Ordering::Relaxed) {
-            0 if self.counts.readers.load(Ordering::Relaxed) > 0 => Ok(()),
-            0 => Err(Cause::LostReader { topic: topic() }),
-            count => Err(Cause::SecondPublisher {
-                topic: topic(),
-                count,
-            }),
-        }
-    }
-
-    pub(crate) fn send(&self, message: M) -> Result<(), Cause> {
-        self.publisher
-            .publish(message)
-            .map_err(|error| Cause::Send {
-                topic: self.topic.clone(),
-                reason: error.to_string(),
+impl Peers {
+    pub(crate) fn readers(&self) -> Vec<Peer> {
+        let found = self.0.discovered_readers().into_iter();
+        found
+            .map(|r| Peer {
+                id: Id(r.reader_proxy.remote_reader_guid.to_bytes()),
+                type_name: r.subscription_topic_data.type_name().clone(),
+                topic: r.subscription_topic_data.topic_name,
             })
+            .collect()
+    }
+
+    pub(crate) fn writers(&self) -> Vec<Peer> {
+        let found = self.0.discovered_writers().into_iter();
+        found
+            .map(|w| Peer {
+                id: Id(w.publication_topic_data.key.to_bytes()),
+                type_name: w.publication_topic_data.type_name.clone(),
+                topic: w.publication_topic_data.topic_name,
+            })
+            .collect()
     }
 }
 
-/// How an action ended.
-pub(crate) struct Ended<R> {
-    pub(crate) status: GoalStatus,
-    pub(crate) result: R,
+/// What a topic is written with.
+pub(crate) struct Writer<M: Serialize> {
+    publisher: ros2_client::dds::Publisher<M>,
+    pub(crate) own: Id,
+    /// The type as the network has it.
+    pub(crate) type_name: String,
+}
+
+impl<M: Serialize> Writer<M> {
+    pub(crate) fn write(&self, message: M) -> Result<(), String> {
+        self.publisher.publish(message).map_err(|e| e.to_string())
+    }
+}
+
+/// A client of a service, without deadlines.
+pub(crate) struct Service<Q, R>(ros2_client::dds::Client<Q, R>)
+where
+    Q: Message,
+    R: Message;
+
+impl<Q: Message + Clone + 'static, R: Message + 'static> Service<Q, R> {
+    pub(crate) fn send(&self, request: Q) -> Result<RequestId, String> {
+        self.0.send_request(request).map_err(|e| e.to_string())
+    }
+
+    /// The next reply, to whichever request.
+    pub(crate) fn receive(&self) -> Result<Option<(RequestId, R)>, String> {
+        self.0.receive_response().map_err(|e| e.to_string())
+    }
 }
 
 /// The last status of a goal.
@@ -333,342 +361,76 @@ pub(crate) enum GoalStatus {
     Other,
 }
 
-/// A client of an action with one goal at a time and a deadline on each call.
-pub(crate) struct Action<G: Message + Clone, R: Message + Clone, F: Message> {
-    client: ActionClient<G, R, F>,
-    name: String,
-    participant: DomainParticipant,
-    phase: Phase<G>,
-}
+/// A client of an action, without deadlines.
+pub(crate) struct Goals<G: Message + Clone, R: Message + Clone, F: Message>(ActionClient<G, R, F>);
 
-enum Phase<G> {
-    Idle,
-    /// The goal was sent, perhaps more than once, always under the same id.
-    Asked {
-        id: GoalId,
-        goal: G,
-        requests: Vec<RmwRequestId>,
-        again: Instant,
-        until: Instant,
-        limit: f64,
-        cancel: bool,
-    },
-    /// Accepted; the result was asked for.
-    Runs {
-        id: GoalId,
-        requests: Vec<RmwRequestId>,
-        again: Instant,
-        until: Instant,
-        limit: f64,
-        cancel: Option<Cancel>,
-    },
-}
+/// The id of a goal.
+pub(crate) type Goal = GoalId;
 
-struct Cancel {
-    requests: Vec<RmwRequestId>,
-    answered: bool,
-    again: Instant,
-    until: Instant,
-}
-
-/// Deadline of the replies to goal and cancel [s].
-const REPLY: f64 = 2.0;
-
-impl<G, R, F> Action<G, R, F>
+impl<G, R, F> Goals<G, R, F>
 where
     G: Message + Clone + 'static,
     R: Message + Clone + 'static,
     F: Message + 'static,
 {
-    /// Waits for a server: for all three services, and until it knows us too.
-    pub(crate) fn wait(&self, seconds: f64) -> Result<(), Cause> {
-        let until = Instant::now() + Duration::from_secs_f64(seconds);
-        let names = ["send_goal", "cancel_goal", "get_result"];
-        loop {
-            let (readers, writers) = (
-                self.participant.discovered_readers(),
-                self.participant.discovered_writers(),
-            );
-            let there = |service: &&str| {
-                let request = format!("rq{}/_action/{service}Request", self.name);
-                let reply = format!("rr{}/_action/{service}Reply", self.name);
-                readers
-                    .iter()
-                    .any(|r| r.subscription_topic_data.topic_name == request)
-                    && writers
-                        .iter()
-                        .any(|w| w.publication_topic_data.topic_name == reply)
+    pub(crate) fn id() -> Goal {
+        ros2_client::unique_identifier_msgs::UUID::new_random()
+    }
+
+    pub(crate) fn ask(&self, goal_id: Goal, goal: G) -> Result<RequestId, String> {
+        let client = self.0.goal_client();
+        let sent = client.send_request(SendGoalRequest { goal_id, goal });
+        sent.map_err(|e| e.to_string())
+    }
+
+    /// The next answer to a goal: whether it was accepted.
+    pub(crate) fn answer(&self) -> Option<(RequestId, bool)> {
+        let (id, reply) = self.0.goal_client().receive_response().ok()??;
+        Some((id, reply.accepted))
+    }
+
+    pub(crate) fn ask_result(&self, goal: Goal) -> Result<RequestId, String> {
+        self.0.request_result(goal).map_err(|e| e.to_string())
+    }
+
+    /// The next result.
+    pub(crate) fn result(&self) -> Result<Option<(RequestId, GoalStatus, R)>, String> {
+        let reply = self.0.result_client().receive_response();
+        let reply = reply.map_err(|e| e.to_string())?;
+        Ok(reply.map(|(id, reply)| {
+            let status = match reply.status {
+                GoalStatusEnum::Succeeded => GoalStatus::Succeeded,
+                GoalStatusEnum::Canceled => GoalStatus::Canceled,
+                GoalStatusEnum::Aborted => GoalStatus::Aborted,
+                _ => GoalStatus::Other,
             };
-            if names.iter().all(there) {
-                std::thread::sleep(SETTLE);
-                return Ok(());
-            }
-            if Instant::now() > until {
-                return Err(Cause::Absent {
-                    name: self.name.clone(),
-                    seconds,
-                });
-            }
-            std::thread::sleep(LOOK);
-        }
+            (id, status, reply.result)
+        }))
     }
 
-    /// Sends a goal that must be over within `limit` seconds.
-    pub(crate) fn send(&mut self, goal: G, limit: f64) {
-        let now = Instant::now();
-        self.phase = Phase::Asked {
-            id: ros2_client::unique_identifier_msgs::UUID::new_random(),
-            goal,
-            requests: Vec::new(),
-            again: now,
-            until: now + Duration::from_secs_f64(REPLY),
-            limit,
-            cancel: false,
-        };
+    pub(crate) fn ask_cancel(&self, goal: Goal) -> Result<RequestId, String> {
+        self.0.cancel_goal(goal).map_err(|e| e.to_string())
     }
 
-    /// Takes the goal back; [`Action::poll`] says how that went.
-    pub(crate) fn cancel(&mut self) {
-        let now = Instant::now();
-        match &mut self.phase {
-            Phase::Idle => {}
-            Phase::Asked { cancel, .. } => *cancel = true,
-            Phase::Runs { cancel, .. } => {
-                let until = now + Duration::from_secs_f64(REPLY);
-                let new = Cancel {
-                    requests: Vec::new(),
-                    answered: false,
-                    again: now,
-                    until,
-                };
-                cancel.get_or_insert(new);
-            }
-        }
+    /// The next answer to a cancel.
+    pub(crate) fn cancelled(&self) -> Option<RequestId> {
+        let (id, _) = self.0.cancel_client().receive_response().ok()??;
+        Some(id)
     }
 
-    /// Goes on; the result when the goal is over, nothing while it runs.
-    pub(crate) fn poll(&mut self) -> Result<Option<Ended<R>>, Cause> {
-        let polled = self.step();
-        if !matches!(polled, Ok(None)) {
-            self.phase = Phase::Idle;
-        }
-        polled
-    }
-
-    fn step(&mut self) -> Result<Option<Ended<R>>, Cause> {
-        let now = Instant::now();
-        let silent = |name: &str, call: &str, seconds| Cause::NoAnswer {
-            name: format!("{name} {call}"),
-            seconds,
-        };
-        let lost = |error: &dyn ToString| Cause::Send {
-            topic: self.name.clone(),
-            reason: error.to_string(),
-        };
-        let next = match &mut self.phase {
-            Phase::Idle => return Err(silent(&self.name, "without a goal", 0.0)),
-            Phase::Asked {
-                id,
-                goal,
-                requests,
-                again,
-                until,
-                limit,
-                cancel,
-            } => {
-                if now >= *again {
-                    let request = SendGoalRequest {
-                        goal_id: *id,
-                        goal: goal.clone(),
-                    };
-                    let sent = self.client.goal_client().send_request(request);
-                    requests.push(sent.map_err(|e| lost(&e))?);
-                    *again = now + AGAIN;
-                }
-                let mut answer = None;
-                while let Ok(Some((request, reply))) = self.client.goal_client().receive_response()
-                {
-                    if requests.contains(&request) {
-                        answer = answer.or(Some(reply.accepted));
-                    }
-                }
-                match answer {
-                    Some(true) => Phase::Runs {
-                        id: *id,
-                        requests: Vec::new(),
-                        again: now,
-                        until: now + Duration::from_secs_f64(*limit),
-                        limit: *limit,
-                        cancel: cancel.then(|| Cancel {
-                            requests: Vec::new(),
-                            answered: false,
-                            again: now,
-                            until: now + Duration::from_secs_f64(REPLY),
-                        }),
-                    },
-                    Some(false) => {
-                        return Err(Cause::Rejected {
-                            name: self.name.clone(),
-                        });
-                    }
-                    None if now > *until => return Err(silent(&self.name, "send_goal", REPLY)),
-                    None => return Ok(None),
-                }
-            }
-            Phase::Runs {
-                id,
-                requests,
-                again,
-                until,
-                limit,
-                cancel,
-            } => {
-                if now >= *again {
-                    let sent = self.client.request_result(*id);
-                    requests.push(sent.map_err(|e| lost(&e))?);
-                    *again = now + 4 * AGAIN;
-                }
-                while let Ok(Some(_)) = self.client.receive_feedback(*id) {}
-                let mut ended = None;
-                while let Ok(Some((request, reply))) =
-                    self.client.result_client().receive_response()
-                {
-                    if requests.contains(&request) {
-                        ended = ended.or(Some(reply));
-                    }
-                }
-                if let Some(reply) = ended {
-                    let status = match reply.status {
-                        GoalStatusEnum::Succeeded => GoalStatus::Succeeded,
-                        GoalStatusEnum::Canceled => GoalStatus::Canceled,
-                        GoalStatusEnum::Aborted => GoalStatus::Aborted,
-                        _ => GoalStatus::Other,
-                    };
-                    return Ok(Some(Ended {
-                        status,
-                        result: reply.result,
-                    }));
-                }
-                if let Some(Cancel {
-                    requests,
-                    answered,
-                    again,
-                    until,
-                }) = cancel
-                {
-                    if now >= *again && !*answered {
-                        let sent = self.client.cancel_goal(*id);
-                        requests.push(sent.map_err(|e| lost(&e))?);
-                        *again = now + AGAIN;
-                    }
-                    while let Ok(Some((request, _))) =
-                        self.client.cancel_client().receive_response()
-                    {
-                        *answered |= requests.contains(&request);
-                    }
-                    if now > *until {
-                        let call = if *answered {
-                            "get_result after cancel_goal"
-                        } else {
-                            "cancel_goal"
-                        };
-                        return Err(silent(&self.name, call, REPLY));
-                    }
-                } else if now > *until {
-                    return Err(silent(&self.name, "get_result", *limit));
-                }
-                return Ok(None);
-            }
-        };
-        self.phase = next;
-        Ok(None)
+    /// Throws feedback away.
+    pub(crate) fn drain(&self, goal: Goal) {
+        while let Ok(Some(_)) = self.0.receive_feedback(goal) {}
     }
 }
 
-macro_rules! message {
-    ($($name:ident),*) => { $(impl Message for messages::$name {})* };
+/// The bytes of a message on the network, without the four that tell the encoding.
+pub(crate) fn encode<T: Serialize>(message: &T) -> Result<Vec<u8>, String> {
+    cdr_encoding::to_vec::<T, LittleEndian>(message).map_err(|e| e.to_string())
 }
-message!(
-    FollowGoal,
-    FollowResult,
-    FollowFeedback,
-    GripperGoal,
-    GripperState,
-    GraspGoal,
-    MoveGoal,
-    FrankaResult,
-    FrankaFeedback
-);
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use byteorder::LittleEndian;
-    use messages::{
-        Header, JointState, JointTrajectory, JointTrajectoryPoint, Name, Pose, PoseStamped, Time,
-    };
-    use ros2_client::dds::rustdds::cdr_encoding::{from_bytes, to_vec};
-
-    fn header() -> Header {
-        let stamp = Time { sec: 3, nanosec: 5 };
-        let frame_id = Name::new("fr3");
-        Header { stamp, frame_id }
-    }
-
-    /// Both ways against what the encoder of rosbags 0.11.9 makes of the definitions of Jazzy; without
-    /// its four bytes that tell the encoding.
-    fn golden<T: Serialize + DeserializeOwned + PartialEq + std::fmt::Debug>(value: &T, hex: &str) {
-        let bytes: Vec<u8> = (0..hex.len() / 2)
-            .map(|k| u8::from_str_radix(&hex[2 * k..2 * k + 2], 16).unwrap())
-            .collect();
-        assert_eq!(to_vec::<T, LittleEndian>(value).unwrap(), bytes);
-        let (back, _) = from_bytes::<T, LittleEndian>(&bytes).unwrap();
-        assert_eq!(&back, value);
-    }
-
-    #[test]
-    fn bytes_are_those_of_another_encoder() {
-        let (position, orientation) = ([1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0]);
-        let pose = Pose {
-            position,
-            orientation,
-        };
-        golden(
-            &PoseStamped {
-                header: header(),
-                pose,
-            },
-            "03000000050000000400000066723300000000000000f03f00000000000000400000000000000840\
-             000000000000000000000000000000000000000000000000000000000000f03f",
-        );
-        golden(
-            &JointState {
-                header: header(),
-                name: vec!["a".into(), "bcd".into()],
-                position: vec![0.5, 1.0],
-                velocity: vec![],
-                effort: vec![2.0],
-            },
-            "0300000005000000040000006672330002000000020000006100000004000000626364000200000000\
-             0000000000e03f000000000000f03f00000000010000000000000000000040",
-        );
-        let point = JointTrajectoryPoint {
-            positions: vec![0.5],
-            velocities: vec![1.0],
-            accelerations: vec![],
-            effort: vec![],
-            time_from_start: messages::Duration { sec: 1, nanosec: 7 },
-        };
-        golden(
-            &JointTrajectory {
-                header: header(),
-                joint_names: vec![Name::new("a")],
-                points: vec![point.clone(), point],
-            },
-            "0300000005000000040000006672330001000000020000006100000002000000010000000000000000\
-             0000000000e03f0100000000000000000000000000f03f000000000000000001000000070000000100\
-             000000000000000000000000e03f0100000000000000000000000000f03f0000000000000000010000\
-             0007000000",
-        );
-    }
+/// A message from its bytes.
+pub(crate) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
+    let decoded = cdr_encoding::from_bytes::<T, LittleEndian>(bytes);
+    decoded.map(|(value, _)| value).map_err(|e| e.to_string())
 }

@@ -132,12 +132,53 @@ pub enum Cause {
         seconds: f64,
     },
     /// A call was not answered.
-    #[error("{name} did not answer within {seconds} s; what became of the request is unknown")]
+    #[error(
+        "{name} did not answer within {seconds} s; what became of the request is unknown. A server \
+         that is there but does not understand is silent too: are RMW_IMPLEMENTATION and --distro \
+         those of the robot?"
+    )]
     NoAnswer {
         /// Service or action, and which of its calls.
         name: String,
         /// The deadline [s].
         seconds: f64,
+    },
+    /// An answer that cannot be read.
+    #[error(
+        "{name} answered with bytes that are no message of the kind expected ({reason}): is --distro \
+         that of the other side?"
+    )]
+    Unreadable {
+        /// Service or action.
+        name: String,
+        /// What the decoder says.
+        reason: String,
+    },
+    /// Two sources do not tell the same.
+    #[error("{first} and {second} differ by {off:.4} in {what}, at most {bound}: {hint}")]
+    Disagree {
+        /// A source.
+        first: String,
+        /// Another.
+        second: String,
+        /// Position [m] or angle [rad].
+        what: &'static str,
+        /// By how much.
+        off: f64,
+        /// The bound.
+        bound: f64,
+        /// What it comes from, most often.
+        hint: &'static str,
+    },
+    /// A plan of the other side that cannot be taken.
+    #[error("the plan of {name} for motion {motion} is refused: {reason}")]
+    Plan {
+        /// Who planned.
+        name: String,
+        /// Which motion, 0 for the way to the first pose.
+        motion: usize,
+        /// Why.
+        reason: String,
     },
     /// A goal was not accepted.
     #[error("{name} rejected the goal")]

@@ -1,9 +1,14 @@
 //! What every gripper does.
 
-pub mod action;
+pub(crate) mod command;
+pub(crate) mod franka;
+pub mod jaws;
+pub(crate) mod parallel;
+pub(crate) mod switch;
 
 use selvedge_math::Jaw;
 
+use crate::dds::GoalStatus;
 use crate::error::Cause;
 
 /// A gripper that takes one command at a time. No call but `prepare` waits.
@@ -53,4 +58,22 @@ impl Gripper for RecordedJaws {
     }
 
     fn cancel(&mut self, _now: f64) {}
+}
+
+/// Whether a goal that has ended has done what it was for: closed on a cloth is stalled, not arrived.
+fn ended(
+    name: &str,
+    jaw: Jaw,
+    status: GoalStatus,
+    (reached, stalled): (bool, bool),
+    detail: String,
+) -> Result<bool, Cause> {
+    match status {
+        GoalStatus::Succeeded if reached || (stalled && jaw.is_closed()) => Ok(true),
+        status => Err(Cause::Failed {
+            name: name.into(),
+            status: format!("{status:?}"),
+            detail,
+        }),
+    }
 }

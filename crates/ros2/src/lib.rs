@@ -12,17 +12,26 @@
 //! was checked. `docs/ROBOT.md` tells how to move a robot with it.
 #![forbid(unsafe_code)]
 
+mod action;
 pub mod arm;
+mod bag;
+mod call;
+mod clock;
 pub mod connect;
 mod dds;
 pub mod error;
 pub mod gripper;
 pub mod journal;
 pub mod limits;
+pub mod live;
 pub mod messages;
+pub mod names;
 pub mod network;
 pub mod plan;
 pub mod play;
+mod report;
 mod robot;
 pub mod segment;
 pub mod state;
+mod topic;
+mod witness;

@@ -176,6 +176,11 @@ impl Guard {
         Self { limits, last: None }
     }
 
+    /// Its bounds.
+    pub fn limits(&self) -> Limits {
+        self.limits
+    }
+
     /// Looks at the sample to be sent at time `now` [s].
     ///
     /// # Errors

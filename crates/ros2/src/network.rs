@@ -11,6 +11,40 @@ pub enum Mapping {
     Cyclone,
 }
 
+/// Whose messages MoveIt has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Distro {
+    /// Humble.
+    Humble,
+    /// Jazzy and later.
+    Jazzy,
+}
+
+impl Distro {
+    /// From its name, or `ROS_DISTRO`, or Jazzy.
+    ///
+    /// # Errors
+    /// [`Error::Value`] for a distribution whose messages are not known.
+    pub fn named(
+        name: Option<&str>,
+        get: impl Fn(&str) -> Option<String>,
+    ) -> Result<Self, Error> {
+        let variable = get("ROS_DISTRO").filter(|value| !value.is_empty());
+        let (place, field) = match name {
+            Some(_) => ("the command line", "--distro"),
+            None => ("the environment", "ROS_DISTRO"),
+        };
+        match name.map(String::from).or(variable).as_deref() {
+            Some("humble") => Ok(Self::Humble),
+            None | Some("jazzy" | "kilted" | "lyrical" | "rolling") => Ok(Self::Jazzy),
+            Some(other) => {
+                let bound = "humble, jazzy, kilted, lyrical or rolling";
+                Err(Error::value(place, field, format!("`{other}`"), bound))
+            }
+        }
+    }
+}
+
 /// Where to look for the robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
@@ -26,8 +60,7 @@ impl Network {
     /// Reads the variables that ROS 2 has for it.
     ///
     /// # Errors
-    /// [`Error::Value`] for what this program does not do: other distributions than Jazzy and its
-    /// followers, Zenoh, static peers, security.
+    /// [`Error::Value`] for what this program does not do: Zenoh, static peers, security.
     pub fn from_environment(get: impl Fn(&str) -> Option<String>) -> Result<Self, Error> {
         let get = |name: &str| get(name).unwrap_or_default();
         let refuse = |field, value: &str, bound: &str| {
@@ -84,14 +117,6 @@ impl Network {
                 return refuse(field, &value, bound);
             }
         }
-        let distribution = get("ROS_DISTRO");
-        if !matches!(
-            distribution.as_str(),
-            "" | "jazzy" | "kilted" | "lyrical" | "rolling"
-        ) {
-            let bound = "jazzy or later: identifiers of older ones are longer on the wire";
-            return refuse("ROS_DISTRO", &distribution, bound);
-        }
         Ok(Self {
             domain,
             loopback,
@@ -124,7 +149,6 @@ mod tests {
             ("ROS_DOMAIN_ID", "42"),
             ("ROS_LOCALHOST_ONLY", "1"),
             ("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp"),
-            ("ROS_DISTRO", "jazzy"),
         ];
         let expected = Network {
             domain: 42,
@@ -148,10 +172,20 @@ mod tests {
             ("RMW_IMPLEMENTATION", "rmw_zenoh_cpp"),
             ("ROS_STATIC_PEERS", "10.0.0.2"),
             ("ROS_SECURITY_ENABLE", "true"),
-            ("ROS_DISTRO", "humble"),
         ] {
             let error = read(&[(name, value)]).unwrap_err().to_string();
             assert!(error.contains(name) && error.contains(value), "{error}");
         }
+    }
+
+    #[test]
+    fn the_distribution_is_that_of_the_command_line_then_of_the_environment() {
+        let humble = |_: &str| Some("humble".to_owned());
+        let none = |_: &str| None;
+        assert_eq!(Distro::named(None, none).unwrap(), Distro::Jazzy);
+        assert_eq!(Distro::named(None, humble).unwrap(), Distro::Humble);
+        assert_eq!(Distro::named(Some("kilted"), humble).unwrap(), Distro::Jazzy);
+        let old = Distro::named(Some("foxy"), none).unwrap_err().to_string();
+        assert!(old.starts_with("the command line: --distro is `foxy`"), "{old}");
     }
 }

@@ -5,11 +5,14 @@ use selvedge_math::{DVec3, Jaw, Pose};
 use selvedge_trajectory::log::Log;
 
 use crate::error::Error;
-use crate::limits::{Limits, Peaks, peaks};
+use crate::limits::{Limits, Peaks, angle, peaks};
 use crate::segment::Segment;
 
-/// How long the way from the measured to the first pose takes [s].
-pub const APPROACH: f64 = 2.0;
+/// The longest way from the measured to the first pose: how far it is [m], [rad], of a joint [rad], and
+/// how long it takes [s]; shorter ones take less.
+pub const APPROACH: ([f64; 3], f64) = ([0.005, 0.035, 0.05], 2.0);
+/// What the shortest takes [s].
+const NEAR: f64 = 0.2;
 
 /// Where the tip and the fingers may be, in the base frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -185,8 +188,7 @@ impl Plan {
                 workspace.contain(&segment.pose(tau), jaw, &place)?;
             }
             if let Some(arm) = arm {
-                let times: Vec<f64> = segment.tau.iter().map(|t| segment.law.time(*t)).collect();
-                let usages = usage(arm, &Rates::of(arm), &times, &segment.joints);
+                let usages = usage(arm, &Rates::of(arm), &segment.times(), &segment.joints);
                 let slower = slow_down(&usages);
                 self.joint_usage = self.joint_usage.max(slower);
                 if let Some(worst) = usages.iter().find(|usage| usage.slow_down() > 1.0) {
@@ -212,6 +214,12 @@ impl Plan {
         &self.segments[0].joints[..self.joint_names.len()]
     }
 
+    /// What the jaws are told last.
+    pub fn last_jaw(&self) -> Jaw {
+        let told = self.segments.iter().rev().find_map(|segment| segment.jaw);
+        told.unwrap_or(self.jaw)
+    }
+
     /// How long all motions take, without the jaws [s].
     pub fn duration(&self) -> f64 {
         self.segments.iter().map(|s| s.law.duration()).sum()
@@ -220,9 +228,14 @@ impl Plan {
     /// The way from where the robot is to the first pose, at the end of which the jaws are put into
     /// their first state. S1 has made sure that it is short.
     pub fn approach(&self, from: &Pose, joints: &[f64]) -> Segment {
-        // As long in its own time as in real time, ramps included.
-        let times = [0.0, APPROACH];
         let poses = [*from, self.start()];
+        let far = poses[0].position().distance(poses[1].position());
+        let turned = angle(&poses[0], &poses[1]);
+        let pairs = joints.iter().zip(self.start_joints());
+        let bent = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let (most, long) = APPROACH;
+        let share = (0..3).map(|k| [far, turned, bent][k] / most[k]);
+        let times = [0.0, (long * share.fold(0.0, f64::max)).max(NEAR)];
         let mut segment = Segment::new(&times, &poses, 1.0, Some(self.jaw));
         if joints.len() == self.start_joints().len() {
             segment.joints = [joints, self.start_joints()].concat();
@@ -352,17 +365,22 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn the_approach_takes_two_seconds() {
+    fn the_approach_takes_two_seconds_at_most_and_keeps_the_limits() {
         let plan = plan(&log(), BASE, 0.1, None).unwrap();
-        let from = Pose::from_unit(
-            plan.start().position() + DVec3::X * 0.005,
-            plan.start().rotation(),
-        );
-        let way = plan.approach(&from, &[]);
-        assert_eq!(way.law.duration(), APPROACH + crate::segment::RAMP);
-        assert!(way.at(0.0).position().distance(from.position()) < 1e-15);
-        assert!(way.at(9.0).position().distance(plan.start().position()) < 1e-15);
-        plan.limits.keep(&peaks(&way), "").unwrap();
-        assert_eq!(way.jaw, Some(Jaw::Open));
+        for (off, seconds) in [(0.005, 2.0), (0.001, 0.4), (0.0, NEAR)] {
+            let from = Pose::from_unit(
+                plan.start().position() + DVec3::X * off,
+                plan.start().rotation(),
+            );
+            let way = plan.approach(&from, &[]);
+            let long = seconds + crate::segment::RAMP;
+            // Short ways are not as fast as their own time asks for.
+            let peak = way.law.peak;
+            assert!((way.law.duration() - long).abs() < 1e-9 || peak < 1.0, "{off}");
+            assert!(way.at(0.0).position().distance(from.position()) < 1e-15);
+            assert!(way.at(9.0).position().distance(plan.start().position()) < 1e-15);
+            plan.limits.keep(&peaks(&way), "").unwrap();
+            assert_eq!(way.jaw, Some(Jaw::Open));
+        }
     }
 }

@@ -41,8 +41,10 @@ pub struct Settings {
     pub hold: f64,
     /// How far the robot may be from the first pose [m], [rad], and its joints [rad].
     pub start: (f64, f64, f64),
-    /// What to do when the gripper fails.
+    /// What to do when the gripper fails, or is not there.
     pub policy: Policy,
+    /// What the jaws were told before, which they are not told again.
+    pub jaw: Option<Jaw>,
     /// How long a stop may take in all before no more is waited for [s].
     pub give_up: f64,
     /// Whether time passes, or is only counted (for tests and for `record`).
@@ -59,6 +61,7 @@ impl Default for Settings {
             hold: 0.5,
             start: (0.005, 2.0f64.to_radians(), 0.05),
             policy: Policy::Abort,
+            jaw: None,
             give_up: 5.0,
             real_time: true,
         }
@@ -86,8 +89,10 @@ pub fn play(
         start: Pose::IDENTITY,
         now: 0.0,
         since: 0.0,
-        jaw: None,
+        jaw: settings.jaw,
         cancelled: false,
+        stop,
+        absent: false,
     };
     run.prepare();
     let started = Instant::now();
@@ -145,16 +150,36 @@ struct Run<'a> {
     jaw: Option<Jaw>,
     /// Whether the gripper's command was taken back.
     cancelled: bool,
+    stop: &'a AtomicBool,
+    /// Whether the gripper is not there, and the policy is to go on.
+    absent: bool,
 }
 
 impl Run<'_> {
     fn prepare(&mut self) {
-        let ready = self.arm.prepare().and_then(|()| self.gripper.prepare());
+        let ready = self.arm.prepare().and_then(|()| self.find_gripper());
         let event = match ready.and_then(|()| self.find_start()) {
             Ok(()) => Event::Ready,
             Err(cause) => Event::Fault(cause),
         };
         self.on(event);
+    }
+
+    fn find_gripper(&mut self) -> Result<(), Cause> {
+        while let Err(cause) = self.gripper.prepare() {
+            let what = match self.settings.policy {
+                Policy::Abort => return Err(cause),
+                Policy::Continue => "no gripper, going on without",
+                Policy::Wait if self.stop.load(Ordering::Relaxed) => return Err(Cause::Signal),
+                Policy::Wait => "no gripper, waiting",
+            };
+            self.journal.event(self.now, what, cause.to_string());
+            self.absent = self.settings.policy == Policy::Continue;
+            if self.absent {
+                break;
+            }
+        }
+        Ok(())
     }
 
     /// S1: the robot must stand where the log begins.
@@ -186,8 +211,12 @@ impl Run<'_> {
             .chain(self.plan.segments.iter().cloned())
             .map(Arc::new)
             .collect();
+        self.arm.path(&mut self.segments, self.plan.brake)?;
         self.start = from;
-        Ok(())
+        // Planning takes its time: the robot must still be there.
+        let still = self.fresh()?;
+        let moved = still.position().distance(from.position());
+        far("the tip while planning [m]", moved, 0.2 * metres)
     }
 
     /// The measured pose, unless it is old.
@@ -230,9 +259,10 @@ impl Run<'_> {
             State::Moving(k) => {
                 let rest = self.arm.poll(self.now)?;
                 Ok(rest.then(|| Event::Arrived {
-                    jaw: self.segments[k]
-                        .jaw
-                        .is_some_and(|jaw| Some(jaw) != self.jaw),
+                    jaw: !self.absent
+                        && self.segments[k]
+                            .jaw
+                            .is_some_and(|jaw| Some(jaw) != self.jaw),
                     last: k + 1 == self.segments.len(),
                 }))
             }

@@ -89,6 +89,11 @@ impl Segment {
         self.pose(self.law.at(t).0)
     }
 
+    /// When each row is reached [s].
+    pub fn times(&self) -> Vec<f64> {
+        self.tau.iter().map(|tau| self.law.time(*tau)).collect()
+    }
+
     /// Value and slope.
     fn curve(&self, tau: f64) -> [[f64; 7]; 2] {
         let n = self.tau.len();

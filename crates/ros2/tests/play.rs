@@ -1,6 +1,7 @@
 //! Whole runs without a network, in time that is counted only: the way of a run, and every fault.
 #![allow(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use selvedge_franka::Placement;
@@ -12,6 +13,7 @@ use selvedge_ros2::journal::Journal;
 use selvedge_ros2::limits::Limits;
 use selvedge_ros2::plan::{Plan, Request, Workspace};
 use selvedge_ros2::play::{Policy, Settings, play};
+use selvedge_ros2::segment::Segment;
 use selvedge_ros2::state::State;
 use selvedge_trajectory::log::{Log, Sample};
 
@@ -84,7 +86,7 @@ fn broken(after: usize, fault: fn(&mut Broken) -> Result<(), Cause>) -> (State, 
         fault,
         age: 0.0,
     };
-    let mut arm = Stream::new(sink, plan.limits, plan.brake, Journal::none());
+    let mut arm = Stream::new(sink, plan.limits, Journal::none());
     let mut jaws = RecordedJaws::default();
     let stop = AtomicBool::new(false);
     let end = play(
@@ -121,7 +123,6 @@ fn a_run_follows_the_plan_and_the_jaws_act_at_rest() {
     let mut arm = Stream::new(
         Recorded::at(start),
         plan.limits,
-        plan.brake,
         Journal::none(),
     );
     let mut jaws = RecordedJaws::default();
@@ -167,7 +168,7 @@ fn a_robot_elsewhere_is_not_moved() {
         ),
         (Pose::from_translation(DVec3::NAN), "the tip [m]"),
     ] {
-        let mut arm = Stream::new(Recorded::at(pose), plan.limits, plan.brake, Journal::none());
+        let mut arm = Stream::new(Recorded::at(pose), plan.limits, Journal::none());
         let mut jaws = RecordedJaws::default();
         let stop = AtomicBool::new(false);
         let end = play(
@@ -189,7 +190,7 @@ fn a_robot_elsewhere_is_not_moved() {
 #[test]
 fn every_fault_of_the_other_side_ends_at_rest_with_its_reason() {
     // While holding, in the approach, and in the middle of the motion.
-    for after in [50, 300, 1400, 1550] {
+    for after in [50, 200, 950, 1100] {
         let (end, sent) = broken(after, |_| {
             Err(Cause::LostReader {
                 topic: "/target".into(),
@@ -240,18 +241,21 @@ fn a_signal_stops_on_the_path() {
         fn measured(&mut self) -> Result<Measured, Cause> {
             self.0.measured()
         }
+        fn path(&mut self, s: &mut [Arc<Segment>], brake: f64) -> Result<(), Cause> {
+            self.0.path(s, brake)
+        }
         fn hold(&mut self, now: f64, pose: &Pose) -> Result<(), Cause> {
             self.0.hold(now, pose)
         }
         fn start(
             &mut self,
             now: f64,
-            s: &std::sync::Arc<selvedge_ros2::segment::Segment>,
+            s: &Arc<Segment>,
         ) -> Result<(), Cause> {
             self.0.start(now, s)
         }
         fn poll(&mut self, now: f64) -> Result<bool, Cause> {
-            self.1.fetch_or(now > 5.9, Ordering::Relaxed);
+            self.1.fetch_or(now > 4.1, Ordering::Relaxed);
             self.0.poll(now)
         }
         fn stop(&mut self, now: f64) {
@@ -262,7 +266,6 @@ fn a_signal_stops_on_the_path() {
     let inner = Stream::new(
         Recorded::at(plan.start()),
         plan.limits,
-        plan.brake,
         Journal::none(),
     );
     let mut arm = Signal(inner, &stop);
@@ -322,7 +325,7 @@ fn a_failing_gripper_is_a_matter_of_the_policy() {
         (Policy::Wait, 5, true),
     ] {
         let start = Recorded::at(plan.start());
-        let mut arm = Stream::new(start, plan.limits, plan.brake, Journal::none());
+        let mut arm = Stream::new(start, plan.limits, Journal::none());
         let mut jaws = Failing {
             times: 2,
             commands: 0,
@@ -371,7 +374,6 @@ fn a_late_loop_is_stopped() {
     let mut arm = Stream::new(
         Slow(Recorded::at(plan.start())),
         plan.limits,
-        plan.brake,
         Journal::none(),
     );
     let settings = Settings {

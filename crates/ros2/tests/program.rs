@@ -15,7 +15,7 @@ use selvedge_ros2::plan::{Plan, Request, Workspace};
 use selvedge_trajectory::log::{self, Log, Sample};
 use serde_json::{Value, json};
 
-use peer::{ALONE, Peer};
+use peer::{Domain, Peer};
 
 /// The command log of a case, as `cargo xtask experiments` writes it.
 fn log_of(scenario: &str, case: &str) -> Log {
@@ -99,11 +99,11 @@ fn what_cannot_be_done_is_refused_with_status_3() {
         said.contains("at most 0.25 m/s; a lower --speed helps"),
         "{said}"
     );
-    let output = program(&path, folder.path(), &["--arm", "moveit"])
+    let output = program(&path, folder.path(), &["--arm", "hand"])
         .output()
         .unwrap();
-    assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output).contains("servo and moveit are not there yet"));
+    assert_eq!(output.status.code(), Some(3));
+    assert!(text(&output).contains("--arm is `hand`, must be one of cartesian, servo"));
     let mut zenoh = program(&path, folder.path(), &["--execute"]);
     let output = zenoh
         .env("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")
@@ -134,17 +134,17 @@ fn plan(log: &Log) -> Plan {
 
 /// Plays F1 at half speed on a peer; a signal after so many seconds, if any. What the program has
 /// said and its status, what the peer has received, and the plan.
-fn played(test: &str, domain: u16, signal: Option<f64>) -> Option<(Output, Value, Plan)> {
-    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+fn played(test: &str, signal: Option<f64>) -> Option<(Output, Value, Plan)> {
+    let domain = Domain::free(false);
     let folder = tempfile::tempdir().unwrap();
     let log = log_of("franka_fold.toml", "F1");
     let plan = plan(&log);
     let peer = Peer::start(
         test,
-        domain,
+        &domain,
         plan.start_joints(),
         &plan.joint_names,
-        json!({}),
+        &json!({}),
     )?;
     let path = written(folder.path(), &log);
     let more = [
@@ -154,7 +154,7 @@ fn played(test: &str, domain: u16, signal: Option<f64>) -> Option<(Output, Value
         "--overrun=500",
     ];
     let child = program(&path, folder.path(), &more)
-        .env("ROS_DOMAIN_ID", domain.to_string())
+        .env("ROS_DOMAIN_ID", domain.id.to_string())
         .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         .env("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")
         .spawn()
@@ -185,7 +185,7 @@ fn positions(got: &Value) -> Vec<DVec3> {
 
 #[test]
 fn a_fold_is_played_from_its_log() {
-    let Some((output, got, plan)) = played("a_fold_is_played_from_its_log", 40, None) else {
+    let Some((output, got, plan)) = played("a_fold_is_played_from_its_log", None) else {
         return;
     };
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
@@ -207,10 +207,10 @@ fn a_fold_is_played_from_its_log() {
         .unwrap();
     let first = path
         .iter()
-        .skip(700)
+        .skip(400)
         .position(|p| p.distance(at(0)) > 1e-3)
         .unwrap()
-        + 700;
+        + 400;
     let first = (first as i64 - far as i64) as usize;
     for k in 0..samples {
         assert!(
@@ -226,7 +226,7 @@ fn a_fold_is_played_from_its_log() {
 fn a_signal_stops_the_program_on_the_path() {
     // Approach and resting part are over after some 6 s; the jaws close and the motion follows.
     let name = "a_signal_stops_the_program_on_the_path";
-    let Some((output, got, plan)) = played(name, 41, Some(12.0)) else {
+    let Some((output, got, plan)) = played(name, Some(10.0)) else {
         return;
     };
     let said = text(&output);

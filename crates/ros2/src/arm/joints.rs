@@ -1,32 +1,87 @@
-//! Joint trajectories for `joint_trajectory_controller`: one goal of FollowJointTrajectory a segment.
+//! Joint trajectories, a goal a segment: FollowJointTrajectory of `joint_trajectory_controller`, and
+//! whatever else executes them.
 
 use std::sync::Arc;
 
 use selvedge_math::Pose;
 
-use crate::arm::cartesian::PATIENCE;
+use crate::action::Action;
 use crate::arm::{Arm, Measured};
-use crate::dds::{Action, Bus, GoalStatus};
+use crate::dds::{Bus, GoalStatus, Kind, Message};
 use crate::error::{Cause, Error};
 use crate::journal::Journal;
 use crate::messages::{
     Duration, FollowFeedback, FollowGoal, FollowResult, Header, JointTrajectory,
-    JointTrajectoryPoint, Name, NoMultiDof, Time,
+    JointTrajectoryPoint, Name, NoMultiDof, Nothing,
 };
 use crate::robot::Robot;
 use crate::segment::Segment;
 
-/// A controller of joint trajectories.
-pub(crate) struct Joints {
-    action: Action<FollowGoal, FollowResult, FollowFeedback>,
-    name: String,
+/// An action that executes trajectories.
+pub(crate) trait Execute {
+    type Goal: Message + Clone + 'static;
+    type Result: Message + Clone + 'static;
+    type Feedback: Message + 'static;
+    const KIND: Kind;
+    fn goal(trajectory: JointTrajectory) -> Self::Goal;
+    /// Whether that is success, and what it says.
+    fn outcome(result: Self::Result) -> (bool, String);
+}
+
+/// FollowJointTrajectory, which is alike in all distributions.
+pub(crate) struct Follow;
+
+impl Execute for Follow {
+    type Goal = FollowGoal;
+    type Result = FollowResult;
+    type Feedback = FollowFeedback;
+    const KIND: Kind = ("control_msgs", "FollowJointTrajectory");
+
+    fn goal(trajectory: JointTrajectory) -> FollowGoal {
+        FollowGoal {
+            trajectory,
+            multi_dof_trajectory: no_multi_dof(),
+            path_tolerance: Nothing,
+            component_path_tolerance: Nothing,
+            goal_tolerance: Nothing,
+            component_goal_tolerance: Nothing,
+            goal_time_tolerance: Duration { sec: 0, nanosec: 0 },
+        }
+    }
+
+    fn outcome(result: FollowResult) -> (bool, String) {
+        let name = match result.error_code {
+            0 => "SUCCESSFUL",
+            -1 => "INVALID_GOAL",
+            -2 => "INVALID_JOINTS",
+            -3 => "OLD_HEADER_TIMESTAMP",
+            -4 => "PATH_TOLERANCE_VIOLATED",
+            -5 => "GOAL_TOLERANCE_VIOLATED",
+            _ => "an unknown code",
+        };
+        let (code, text) = (result.error_code, result.error_string);
+        (code == 0, format!("code {code}, {name}: {text}"))
+    }
+}
+
+pub(crate) fn no_multi_dof() -> NoMultiDof {
+    NoMultiDof {
+        header: Header::none(),
+        joint_names: Vec::new(),
+        points: Nothing,
+    }
+}
+
+/// An arm behind such an action.
+pub(crate) struct Trajectories<E: Execute> {
+    action: Action<E::Goal, E::Result, E::Feedback>,
     names: Vec<Name>,
-    robot: Robot,
+    pub(crate) robot: Robot,
     journal: Journal,
     busy: bool,
 }
 
-impl Joints {
+impl<E: Execute> Trajectories<E> {
     pub(crate) fn new(
         bus: &mut Bus,
         name: &str,
@@ -34,12 +89,9 @@ impl Joints {
         robot: Robot,
         journal: Journal,
     ) -> Result<Self, Error> {
-        let action = bus.action(name, "control_msgs", "FollowJointTrajectory")?;
-        let names = names.iter().map(|name| Name::new(name)).collect();
         Ok(Self {
-            action,
-            name: name.into(),
-            names,
+            action: Action::new(bus, name, E::KIND)?,
+            names: names.iter().map(|name| Name::new(name)).collect(),
             robot,
             journal,
             busy: false,
@@ -48,15 +100,11 @@ impl Joints {
 }
 
 /// The trajectory of a segment: its rows at the times of its law, with velocities, so that the
-/// controller's own splines meet ours in position and velocity.
+/// controller's own splines meet ours in position and velocity. Its stamp is zero: begin at once.
 pub(crate) fn trajectory(segment: &Segment, names: &[Name]) -> JointTrajectory {
     let n = names.len();
     let rows: Vec<&[f64]> = segment.joints.chunks(n).collect();
-    let times: Vec<f64> = segment
-        .tau
-        .iter()
-        .map(|tau| segment.law.time(*tau))
-        .collect();
+    let times = segment.times();
     let last = rows.len().saturating_sub(1);
     let points = rows.iter().enumerate().map(|(k, row)| {
         let velocities = (0..n).map(|j| match k == 0 || k == last {
@@ -78,24 +126,16 @@ pub(crate) fn trajectory(segment: &Segment, names: &[Name]) -> JointTrajectory {
         }
     });
     JointTrajectory {
-        header: now(),
+        header: Header::none(),
         joint_names: names.to_vec(),
         points: points.collect(),
     }
 }
 
-/// A stamp of zero: begin at once.
-fn now() -> Header {
-    Header {
-        stamp: Time { sec: 0, nanosec: 0 },
-        frame_id: Name::new(""),
-    }
-}
-
-impl Arm for Joints {
+impl<E: Execute> Arm for Trajectories<E> {
     fn prepare(&mut self) -> Result<(), Cause> {
-        self.robot.wait(PATIENCE)?;
-        self.action.wait(PATIENCE)
+        self.robot.wait()?;
+        self.action.wait()
     }
 
     fn measured(&mut self) -> Result<Measured, Cause> {
@@ -113,26 +153,8 @@ impl Arm for Joints {
 
     fn start(&mut self, now: f64, segment: &Arc<Segment>) -> Result<(), Cause> {
         let trajectory = trajectory(segment, &self.names);
-        let points = trajectory.points.len();
-        self.journal.event(
-            now,
-            "trajectory",
-            format!("{points} points, {:.3} s", segment.law.duration()),
-        );
-        let none = || Duration { sec: 0, nanosec: 0 };
-        let goal = FollowGoal {
-            trajectory,
-            multi_dof_trajectory: NoMultiDof {
-                header: self::now(),
-                joint_names: Vec::new(),
-                points: Vec::new(),
-            },
-            path_tolerance: Vec::new(),
-            component_path_tolerance: Vec::new(),
-            goal_tolerance: Vec::new(),
-            component_goal_tolerance: Vec::new(),
-            goal_time_tolerance: none(),
-        };
+        self.journal.trajectory(now, self.action.name(), &trajectory);
+        let goal = E::goal(trajectory);
         self.action.send(goal, 1.5 * segment.law.duration() + 5.0);
         self.busy = true;
         Ok(())
@@ -147,25 +169,17 @@ impl Arm for Joints {
         let Some(ended) = polled? else {
             return Ok(false);
         };
-        let detail = format!(
-            "code {}: {}",
-            ended.result.error_code, ended.result.error_string
-        );
-        self.journal.event(
-            now,
-            "trajectory ended",
-            format!("{:?}, {detail}", ended.status),
-        );
-        match ended.status {
-            GoalStatus::Succeeded if ended.result.error_code == 0 => Ok(true),
-            status => {
-                let (name, status) = (self.name.clone(), format!("{status:?}"));
-                Err(Cause::Failed {
-                    name,
-                    status,
-                    detail,
-                })
-            }
+        let (success, detail) = E::outcome(ended.result);
+        let status = ended.status;
+        self.journal
+            .event(now, "trajectory ended", format!("{status:?}, {detail}"));
+        match status {
+            GoalStatus::Succeeded if success => Ok(true),
+            status => Err(Cause::Failed {
+                name: self.action.name().into(),
+                status: format!("{status:?}"),
+                detail,
+            }),
         }
     }
 

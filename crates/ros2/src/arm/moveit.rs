@@ -1,0 +1,454 @@
+//! Plans of MoveIt: GetCartesianPath finds joint positions along the path, our own law says when to be
+//! where, ExecuteTrajectory follows.
+//!
+//! MoveIt's own times are thrown away: jaws must act where the path says, not when.
+
+use std::sync::Arc;
+
+use selvedge_franka::{Arm as Model, Rates, usage};
+use selvedge_math::Pose;
+
+use crate::arm::joints::{Execute, Trajectories, no_multi_dof};
+use crate::arm::{Arm, Measured};
+use crate::call::Call;
+use crate::dds::{Bus, Kind, Message};
+use crate::error::{Cause, Error};
+use crate::journal::Journal;
+use crate::limits::angle;
+use crate::messages::moveit::{
+    CartesianPathHumble, CartesianPathJazzy, CartesianReplyHumble, CartesianReplyJazzy,
+    ExecuteHumble, ExecuteJazzy, ExecuteState, ExecutedHumble, ExecutedJazzy, NoConstraints,
+    NoMultiDofState, RobotState, RobotTrajectory, code,
+};
+use crate::messages::{self, Header, JointState, JointTrajectory, Name, Nothing};
+use crate::robot::Robot;
+use crate::segment::Segment;
+
+/// How far apart MoveIt's points may be [m].
+const MAX_STEP: f64 = 0.005;
+/// How far a joint may be from one of MoveIt's points to the next [rad].
+const JUMP: f64 = 0.2;
+/// How far MoveIt's path may be from ours [m], [rad].
+const OFF: (f64, f64) = (0.001, 0.01);
+/// What counts as the same pose when waypoints are chosen [m], [rad].
+const SAME: (f64, f64) = (1e-4, 1e-3);
+
+/// What is asked of MoveIt for a motion.
+pub(crate) struct Ask {
+    header: Header,
+    start_state: RobotState,
+    group_name: String,
+    link_name: String,
+    waypoints: Vec<messages::Pose>,
+}
+
+/// What it answers.
+pub(crate) struct Answer {
+    solution: JointTrajectory,
+    fraction: f64,
+    code: i32,
+    text: String,
+}
+
+/// The messages of a distribution.
+pub(crate) trait Layout: Execute {
+    type Request: Message + Clone + 'static;
+    type Reply: Message + 'static;
+    fn request(ask: Ask) -> Self::Request;
+    fn answer(reply: Self::Reply) -> Answer;
+}
+
+const EXECUTE: Kind = ("moveit_msgs", "ExecuteTrajectory");
+
+fn whole(joint_trajectory: JointTrajectory) -> RobotTrajectory {
+    RobotTrajectory {
+        joint_trajectory,
+        multi_dof_joint_trajectory: no_multi_dof(),
+    }
+}
+
+fn free() -> NoConstraints {
+    NoConstraints {
+        name: String::new(),
+        joint_constraints: Nothing,
+        position_constraints: Nothing,
+        orientation_constraints: Nothing,
+        visibility_constraints: Nothing,
+    }
+}
+
+/// MoveIt of Humble.
+pub(crate) struct Humble;
+
+impl Execute for Humble {
+    type Goal = ExecuteHumble;
+    type Result = ExecutedHumble;
+    type Feedback = ExecuteState;
+    const KIND: Kind = EXECUTE;
+
+    fn goal(trajectory: JointTrajectory) -> ExecuteHumble {
+        ExecuteHumble {
+            trajectory: whole(trajectory),
+        }
+    }
+
+    fn outcome(result: ExecutedHumble) -> (bool, String) {
+        let val = result.error_code.val;
+        (val == 1, format!("code {val}, {}", code(val)))
+    }
+}
+
+impl Layout for Humble {
+    type Request = CartesianPathHumble;
+    type Reply = CartesianReplyHumble;
+
+    fn request(ask: Ask) -> CartesianPathHumble {
+        CartesianPathHumble {
+            header: ask.header,
+            start_state: ask.start_state,
+            group_name: ask.group_name,
+            link_name: ask.link_name,
+            waypoints: ask.waypoints,
+            max_step: MAX_STEP,
+            jump_threshold: 0.0,
+            prismatic_jump_threshold: 0.0,
+            revolute_jump_threshold: 0.0,
+            avoid_collisions: true,
+            path_constraints: free(),
+        }
+    }
+
+    fn answer(reply: CartesianReplyHumble) -> Answer {
+        Answer {
+            solution: reply.solution.joint_trajectory,
+            fraction: reply.fraction,
+            code: reply.error_code.val,
+            text: String::new(),
+        }
+    }
+}
+
+/// MoveIt of Jazzy and later.
+pub(crate) struct Jazzy;
+
+impl Execute for Jazzy {
+    type Goal = ExecuteJazzy;
+    type Result = ExecutedJazzy;
+    type Feedback = ExecuteState;
+    const KIND: Kind = EXECUTE;
+
+    fn goal(trajectory: JointTrajectory) -> ExecuteJazzy {
+        ExecuteJazzy {
+            trajectory: whole(trajectory),
+            controller_names: Vec::new(),
+        }
+    }
+
+    fn outcome(result: ExecutedJazzy) -> (bool, String) {
+        let error = result.error_code;
+        let (val, message) = (error.val, error.message);
+        (val == 1, format!("code {val}, {}: {message}", code(val)))
+    }
+}
+
+impl Layout for Jazzy {
+    type Request = CartesianPathJazzy;
+    type Reply = CartesianReplyJazzy;
+
+    fn request(ask: Ask) -> CartesianPathJazzy {
+        CartesianPathJazzy {
+            header: ask.header,
+            start_state: ask.start_state,
+            group_name: ask.group_name,
+            link_name: ask.link_name,
+            waypoints: ask.waypoints,
+            max_step: MAX_STEP,
+            jump_threshold: 0.0,
+            prismatic_jump_threshold: 0.0,
+            revolute_jump_threshold: 0.0,
+            avoid_collisions: true,
+            path_constraints: free(),
+            max_velocity_scaling_factor: 1.0,
+            max_acceleration_scaling_factor: 1.0,
+            cartesian_speed_limited_link: String::new(),
+            max_cartesian_speed: 0.0,
+        }
+    }
+
+    fn answer(reply: CartesianReplyJazzy) -> Answer {
+        Answer {
+            solution: reply.solution.joint_trajectory,
+            fraction: reply.fraction,
+            code: reply.error_code.val,
+            text: reply.error_code.message,
+        }
+    }
+}
+
+/// Names that MoveIt asks for.
+#[derive(Clone, Debug)]
+pub(crate) struct Group {
+    /// The planning group.
+    pub(crate) name: String,
+    /// The link between the fingers.
+    pub(crate) link: String,
+    /// The frame of the waypoints.
+    pub(crate) frame: String,
+}
+
+/// A `move_group`.
+pub(crate) struct MoveIt<L: Layout> {
+    path: Call<L::Request, L::Reply>,
+    execute: Trajectories<L>,
+    model: Model,
+    joint_names: Vec<String>,
+    group: Group,
+    /// Planning may take twice that [s].
+    patience: f64,
+}
+
+impl<L: Layout> MoveIt<L> {
+    /// `root` is the namespace of `move_group`, `/` or empty for none.
+    pub(crate) fn new(
+        bus: &mut Bus,
+        root: &str,
+        group: Group,
+        model: &Model,
+        joint_names: &[String],
+        robot: Robot,
+        journal: Journal,
+    ) -> Result<Self, Error> {
+        let root = root.trim_end_matches('/');
+        let path = format!("{root}/compute_cartesian_path");
+        let execute = format!("{root}/execute_trajectory");
+        Ok(Self {
+            path: Call::new(bus, &path, ("moveit_msgs", "GetCartesianPath"))?,
+            execute: Trajectories::new(bus, &execute, joint_names, robot, journal)?,
+            model: model.clone(),
+            joint_names: joint_names.to_vec(),
+            group,
+            patience: bus.patience,
+        })
+    }
+
+    /// Joint positions of the rows of a segment, from `start` on.
+    fn plan(&mut self, segment: &Segment, start: &[f64]) -> Result<Vec<f64>, String> {
+        let rows: Vec<Pose> = segment.tau.iter().map(|tau| segment.pose(*tau)).collect();
+        let waypoints = waypoints(&rows);
+        if waypoints.is_empty() {
+            // At rest all the time.
+            return Ok(start.repeat(rows.len()));
+        }
+        let start_state = RobotState {
+            joint_state: JointState {
+                name: self.joint_names.clone(),
+                position: start.to_vec(),
+                ..JointState::empty()
+            },
+            multi_dof_joint_state: NoMultiDofState {
+                header: Header::none(),
+                joint_names: Vec::new(),
+                transforms: Nothing,
+                twist: Nothing,
+                wrench: Nothing,
+            },
+            attached_collision_objects: Nothing,
+            is_diff: true,
+        };
+        let ask = Ask {
+            header: Header {
+                stamp: self.execute.robot.clock.now().map_err(|e| e.to_string())?,
+                frame_id: Name::new(&self.group.frame),
+            },
+            start_state,
+            group_name: self.group.name.clone(),
+            link_name: self.group.link.clone(),
+            waypoints: waypoints.iter().map(messages::Pose::from).collect(),
+        };
+        let reply = self.path.call(L::request(ask), 2.0 * self.patience);
+        let answer = L::answer(reply.map_err(|e| e.to_string())?);
+        let points = points(&answer, &self.joint_names, start)?;
+        let joints = along(&self.model, &rows, &points);
+        self.check(segment, &rows, joints)
+    }
+
+    /// The tip where it should be, the joints no faster than they may.
+    fn check(&self, segment: &Segment, rows: &[Pose], joints: Vec<f64>) -> Result<Vec<f64>, String> {
+        for (k, (row, q)) in rows.iter().zip(joints.chunks(self.joint_names.len())).enumerate() {
+            let tip = self.model.forward(q);
+            let (far, turned) = (tip.position().distance(row.position()), angle(&tip, row));
+            if far.is_nan() || far > OFF.0 || turned > OFF.1 {
+                return Err(format!(
+                    "it leaves the path by {:.2} mm and {turned:.4} rad {:.3} s into it, at most {} \
+                     mm and {} rad: are group, link and --robot right?",
+                    1e3 * far,
+                    segment.tau[k],
+                    1e3 * OFF.0,
+                    OFF.1
+                ));
+            }
+        }
+        let usages = usage(&self.model, &Rates::of(&self.model), &segment.times(), &joints);
+        match usages.iter().find(|usage| usage.slow_down() > 1.0) {
+            Some(worst) => Err(format!(
+                "{} would be {:.4}, at most {:.4}; a lower --speed helps",
+                worst.bound, worst.value, worst.limit
+            )),
+            None => Ok(joints),
+        }
+    }
+}
+
+/// Poses that differ from the one before, none when all are the first.
+fn waypoints(rows: &[Pose]) -> Vec<Pose> {
+    let same = |a: &Pose, b: &Pose| {
+        a.position().distance(b.position()) < SAME.0 && angle(a, b) < SAME.1
+    };
+    let mut chosen: Vec<Pose> = Vec::new();
+    for row in rows {
+        if !same(chosen.last().unwrap_or(&rows[0]), row) {
+            chosen.push(*row);
+        }
+    }
+    // The end itself, not something near it.
+    if let (Some(last), Some(end)) = (chosen.last_mut(), rows.last()) {
+        if same(last, end) {
+            *last = *end;
+        } else {
+            chosen.push(*end);
+        }
+    }
+    chosen
+}
+
+/// MoveIt's joint positions in our order, unless they are refused.
+fn points(answer: &Answer, names: &[String], start: &[f64]) -> Result<Vec<Vec<f64>>, String> {
+    let Answer {
+        solution,
+        fraction,
+        code: number,
+        text,
+    } = answer;
+    if *number != 1 || fraction.is_nan() || *fraction < 1.0 {
+        let share = 100.0 * fraction.max(0.0);
+        let said = code(*number);
+        return Err(format!(
+            "only {share:.1} % of the path were found, code {number}, {said} {text}"
+        ));
+    }
+    let place = |name: &String| solution.joint_names.iter().position(|n| *n.0 == **name);
+    let order: Option<Vec<usize>> = names.iter().map(place).collect();
+    let Some(order) = order else {
+        let theirs: Vec<&str> = solution.joint_names.iter().map(|n| &*n.0).collect();
+        return Err(format!("its joints are {theirs:?}, ours {names:?}"));
+    };
+    let mut points = vec![start.to_vec()];
+    for point in &solution.points {
+        let q: Option<Vec<f64>> = order.iter().map(|k| point.positions.get(*k).copied()).collect();
+        let q = q.ok_or("a point has fewer positions than there are joints")?;
+        let last = &points[points.len() - 1];
+        for ((a, b), name) in q.iter().zip(last).zip(names) {
+            let jump = (a - b).abs();
+            if jump.is_nan() || jump > JUMP {
+                return Err(format!(
+                    "{name} jumps by {jump:.3} rad at point {} of {}, at most {JUMP}",
+                    points.len(),
+                    solution.points.len()
+                ));
+            }
+        }
+        points.push(q);
+    }
+    if points.len() < 2 {
+        return Err("it has no points".into());
+    }
+    Ok(points)
+}
+
+/// For each row the place on MoveIt's path where the tip is nearest, never going back.
+fn along(model: &Model, rows: &[Pose], points: &[Vec<f64>]) -> Vec<f64> {
+    let between = |k: usize, u: f64| -> Vec<f64> {
+        let pair = points[k].iter().zip(&points[k + 1]);
+        pair.map(|(a, b)| a + u * (b - a)).collect()
+    };
+    // The nearest place from `from` on between a point and the next: how far, and where.
+    let nearest = |row: &Pose, k: usize, from: f64| {
+        let off = |u: f64| {
+            let tip = model.forward(&between(k, u));
+            // 0.1 m, about the length of a finger, makes an angle a length.
+            let turned = 0.1 * angle(&tip, row);
+            tip.position().distance(row.position()).hypot(turned)
+        };
+        let (mut low, mut high) = (from, 1.0);
+        for _ in 0..40 {
+            let third = (high - low) / 3.0;
+            match off(low + third) < off(high - third) {
+                true => high -= third,
+                false => low += third,
+            }
+        }
+        let u = 0.5 * (low + high);
+        (off(u), u)
+    };
+    let mut joints = Vec::with_capacity(rows.len() * points[0].len());
+    let (mut k, mut from) = (0, 0.0);
+    for row in rows {
+        loop {
+            let (off, u) = nearest(row, k, from);
+            from = u;
+            if u < 1.0 - 1e-6 || k + 2 == points.len() {
+                break;
+            }
+            // At its end: the next may be nearer.
+            if nearest(row, k + 1, 0.0).0 > off + 1e-12 {
+                break;
+            }
+            (k, from) = (k + 1, 0.0);
+        }
+        joints.extend(between(k, from));
+    }
+    joints
+}
+
+impl<L: Layout> Arm for MoveIt<L> {
+    fn prepare(&mut self) -> Result<(), Cause> {
+        self.execute.prepare()?;
+        self.path.wait()
+    }
+
+    fn measured(&mut self) -> Result<Measured, Cause> {
+        self.execute.measured()
+    }
+
+    fn path(&mut self, segments: &mut [Arc<Segment>], _brake: f64) -> Result<(), Cause> {
+        let mut q = self.execute.joints().to_vec();
+        for (motion, segment) in segments.iter_mut().enumerate() {
+            let joints = self.plan(segment, &q).map_err(|reason| Cause::Plan {
+                name: self.path.name().into(),
+                motion,
+                reason,
+            })?;
+            q = joints[joints.len() - q.len()..].to_vec();
+            let mut planned = Segment::clone(segment);
+            planned.joints = joints;
+            *segment = Arc::new(planned);
+        }
+        Ok(())
+    }
+
+    fn hold(&mut self, now: f64, pose: &Pose) -> Result<(), Cause> {
+        self.execute.hold(now, pose)
+    }
+
+    fn start(&mut self, now: f64, segment: &Arc<Segment>) -> Result<(), Cause> {
+        self.execute.start(now, segment)
+    }
+
+    fn poll(&mut self, now: f64) -> Result<bool, Cause> {
+        self.execute.poll(now)
+    }
+
+    fn stop(&mut self, now: f64) {
+        self.execute.stop(now);
+    }
+}
