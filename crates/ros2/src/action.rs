@@ -258,4 +258,3 @@ where
         Ok(None)
     }
 }
-

@@ -102,7 +102,9 @@ impl Bag {
             let text = definition(kind);
             let schema = self.file.add_schema(kind, "ros2msg", text.as_bytes());
             let schema = schema.map_err(other)?;
-            let channel = self.file.add_channel(schema, topic, "cdr", &BTreeMap::new());
+            let channel = self
+                .file
+                .add_channel(schema, topic, "cdr", &BTreeMap::new());
             let channel = (channel.map_err(other)?, 0);
             self.channels.insert(topic.to_owned(), channel);
         }

@@ -17,7 +17,7 @@ use crate::gripper::parallel::Parallel;
 use crate::gripper::switch::Switch;
 use crate::gripper::{Gripper, RecordedJaws};
 use crate::journal::Journal;
-use crate::names::Names;
+use crate::names::{Names, Parameters};
 use crate::network::{Distro, Network};
 use crate::plan::Plan;
 use crate::report::Report;
@@ -80,7 +80,7 @@ pub struct Choice {
     /// How long others are waited for [s].
     pub patience: f64,
     /// What is shown as parameters of the node.
-    pub parameters: Vec<(String, String)>,
+    pub parameters: Parameters,
 }
 
 impl Choice {
@@ -157,7 +157,9 @@ impl Robots {
     /// # Errors
     /// [`Error::Network`] when it cannot be published.
     pub fn show(&self, plan: &Plan) -> Result<(), Error> {
-        self.report.as_ref().map_or(Ok(()), |report| report.show(plan))
+        self.report
+            .as_ref()
+            .map_or(Ok(()), |report| report.show(plan))
     }
 }
 

@@ -10,13 +10,13 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use byteorder::LittleEndian;
+pub(crate) use ros2_client::Message;
 use ros2_client::action::{
     ActionClient, ActionClientQosPolicies, GoalId, GoalStatusEnum, SendGoalRequest,
 };
 use ros2_client::dds::rustdds::cdr_encoding;
-use ros2_client::dds::rustdds::{DomainParticipant, DomainParticipantBuilder};
+use ros2_client::dds::rustdds::{DomainParticipant, DomainParticipantBuilder, RTPSEntity};
 use ros2_client::qos::{Durability, History, QosProfile, WhenFull};
-pub(crate) use ros2_client::Message;
 use ros2_client::{
     ActionTypeName, Context, MessageTypeName, Node, NodeName, NodeOptions, ParameterValue,
     RmwRequestId, ServiceMapping, ServiceTypeName,
@@ -143,6 +143,11 @@ impl Bus {
             over,
             patience,
         })
+    }
+
+    /// Any identity of this program.
+    pub(crate) fn id(&self) -> Id {
+        Id(self.participant.guid().to_bytes())
     }
 
     /// Who is there.

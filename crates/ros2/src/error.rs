@@ -113,6 +113,12 @@ pub enum Cause {
         /// How many others.
         count: usize,
     },
+    /// Who tells the robot's state has changed.
+    #[error("somebody new publishes {topic}: was the robot, or a part of it, started again?")]
+    NewPublisher {
+        /// The topic.
+        topic: String,
+    },
     /// A peer of another type.
     #[error("{topic} is read as {found}, this program writes {expected}: type mismatch")]
     TypeMismatch {

@@ -229,7 +229,12 @@ fn write(
                     };
                     let pose = messages::Pose::from(&pose);
                     let message = PoseStamped { header, pose };
-                    bag.put(sent, &target.topic, "geometry_msgs/msg/PoseStamped", &message)?;
+                    bag.put(
+                        sent,
+                        &target.topic,
+                        "geometry_msgs/msg/PoseStamped",
+                        &message,
+                    )?;
                 }
                 let (p, q) = (pose.position(), pose.rotation());
                 let pose = [p.x, p.y, p.z, q.x, q.y, q.z, q.w];

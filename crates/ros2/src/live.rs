@@ -85,7 +85,10 @@ impl<R: BufRead> Motions<R> {
     ///
     /// # Errors
     /// [`Error::Log`] for a row that no log may have.
-    #[allow(clippy::should_implement_trait, reason = "an error ends it, nothing ends it too")]
+    #[allow(
+        clippy::should_implement_trait,
+        reason = "an error ends it, nothing ends it too"
+    )]
     pub fn next(&mut self) -> Result<Option<Log>, Error> {
         let mut rows: Vec<String> = self.last.take().into_iter().collect();
         let carried = rows.len();

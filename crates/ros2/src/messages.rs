@@ -41,7 +41,6 @@ impl<'de> Deserialize<'de> for Name {
     }
 }
 
-
 message!(/// builtin_interfaces/Time.
     Time { sec: i32, nanosec: u32 });
 message!(/// builtin_interfaces/Duration.

@@ -33,8 +33,11 @@ impl Default for Names {
     }
 }
 
+/// Names and values of parameters.
+pub type Parameters = Vec<(String, String)>;
+
 /// Names, what is no argument of ROS, and parameters.
-pub type Parsed = (Names, Vec<String>, Vec<(String, String)>);
+pub type Parsed = (Names, Vec<String>, Parameters);
 
 impl Names {
     /// Takes what stands between `--ros-args` and `--` or the end out of a command line: remaps
@@ -58,7 +61,8 @@ impl Names {
                 let value = match flag.as_str() {
                     "-r" | "--remap" | "-p" | "--param" => arguments.next().unwrap_or_default(),
                     other => {
-                        let bound = "-r from:=to or -p name:=value; files and log levels are not read";
+                        let bound =
+                            "-r from:=to or -p name:=value; files and log levels are not read";
                         return Err(refused("argument", other, bound));
                     }
                 };

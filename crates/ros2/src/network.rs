@@ -25,10 +25,7 @@ impl Distro {
     ///
     /// # Errors
     /// [`Error::Value`] for a distribution whose messages are not known.
-    pub fn named(
-        name: Option<&str>,
-        get: impl Fn(&str) -> Option<String>,
-    ) -> Result<Self, Error> {
+    pub fn named(name: Option<&str>, get: impl Fn(&str) -> Option<String>) -> Result<Self, Error> {
         let variable = get("ROS_DISTRO").filter(|value| !value.is_empty());
         let (place, field) = match name {
             Some(_) => ("the command line", "--distro"),
@@ -184,8 +181,14 @@ mod tests {
         let none = |_: &str| None;
         assert_eq!(Distro::named(None, none).unwrap(), Distro::Jazzy);
         assert_eq!(Distro::named(None, humble).unwrap(), Distro::Humble);
-        assert_eq!(Distro::named(Some("kilted"), humble).unwrap(), Distro::Jazzy);
+        assert_eq!(
+            Distro::named(Some("kilted"), humble).unwrap(),
+            Distro::Jazzy
+        );
         let old = Distro::named(Some("foxy"), none).unwrap_err().to_string();
-        assert!(old.starts_with("the command line: --distro is `foxy`"), "{old}");
+        assert!(
+            old.starts_with("the command line: --distro is `foxy`"),
+            "{old}"
+        );
     }
 }

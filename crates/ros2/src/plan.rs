@@ -376,7 +376,10 @@ pub(crate) mod tests {
             let long = seconds + crate::segment::RAMP;
             // Short ways are not as fast as their own time asks for.
             let peak = way.law.peak;
-            assert!((way.law.duration() - long).abs() < 1e-9 || peak < 1.0, "{off}");
+            assert!(
+                (way.law.duration() - long).abs() < 1e-9 || peak < 1.0,
+                "{off}"
+            );
             assert!(way.at(0.0).position().distance(from.position()) < 1e-15);
             assert!(way.at(9.0).position().distance(plan.start().position()) < 1e-15);
             plan.limits.keep(&peaks(&way), "").unwrap();

@@ -127,10 +127,7 @@ fn message(plan: &Plan, frame: &str) -> Path {
 fn status(journal: &Journal, robot: String) -> DiagnosticStatus {
     let (state, sent) = journal.told();
     let bad = state.starts_with("stop");
-    let values = [
-        ("poses sent", sent.to_string()),
-        ("robot", robot),
-    ];
+    let values = [("poses sent", sent.to_string()), ("robot", robot)];
     let values = values.map(|(key, value)| KeyValue {
         key: key.into(),
         value,

@@ -11,6 +11,7 @@ use crate::dds::{Bus, Kept};
 use crate::error::{Cause, Error};
 use crate::limits::angle;
 use crate::messages;
+use crate::topic::Writers;
 use crate::witness::Witness;
 
 /// How far beyond its limits a joint may be measured [rad].
@@ -22,6 +23,7 @@ const AGREE: (f64, f64) = (0.005, 0.035);
 pub(crate) struct Robot {
     arm: Arm,
     topic: String,
+    writers: Writers,
     state: Arc<Mutex<State>>,
     joints: Vec<f64>,
     age: f64,
@@ -74,6 +76,7 @@ impl Robot {
         Ok(Self {
             arm: arm.clone(),
             topic: bus.resolve(topic)?,
+            writers: Writers::new(bus, topic)?,
             state,
             joints,
             age: f64::INFINITY,
@@ -103,6 +106,7 @@ impl Robot {
             std::thread::sleep(std::time::Duration::from_millis(10));
         }
         self.clock.wait(self.patience)?;
+        self.writers.know();
         self.agree()
     }
 
@@ -133,6 +137,7 @@ impl Robot {
 
     /// The tip by the joints, as old as the oldest source.
     pub(crate) fn measured(&mut self) -> Result<Measured, Cause> {
+        self.writers.check()?;
         // The reader holds the lock for a copy of seven numbers.
         if let Ok(state) = self.state.lock() {
             self.joints.copy_from_slice(&state.joints);

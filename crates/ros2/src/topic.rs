@@ -26,6 +26,9 @@ struct Counts {
     readers: Mutex<Vec<Id>>,
     lost: AtomicBool,
     other_writers: AtomicUsize,
+    /// Those that wrote then.
+    writers: Mutex<Option<Vec<Id>>>,
+    new_writer: AtomicBool,
 }
 
 /// Looks at the peers of each watched topic.
@@ -39,6 +42,61 @@ pub(crate) fn look(peers: &Peers, watched: &Mutex<Vec<Watched>>) {
         let other = |w: &&Peer| w.topic == *topic && !w.id.same_program(own);
         let others = writers.iter().filter(other).count();
         counts.other_writers.store(others, Ordering::Relaxed);
+        let known = counts.writers.lock().unwrap_or_else(|e| e.into_inner());
+        if let Some(known) = &*known {
+            let mut on = writers.iter().filter(other);
+            let new = on.any(|w| !known.contains(&w.id));
+            counts.new_writer.store(new, Ordering::Relaxed);
+        }
+    }
+}
+
+/// Who writes a topic that is read.
+pub(crate) struct Writers {
+    topic: String,
+    counts: Arc<Counts>,
+    peers: Peers,
+}
+
+impl Writers {
+    pub(crate) fn new(bus: &Bus, topic: &str) -> Result<Self, Error> {
+        let topic = bus.resolve(topic)?;
+        let counts = Arc::new(Counts::default());
+        bus.watch(Watched {
+            topic: format!("rt{topic}"),
+            own: bus.id(),
+            counts: Arc::clone(&counts),
+        });
+        let peers = bus.peers();
+        Ok(Self {
+            topic,
+            counts,
+            peers,
+        })
+    }
+
+    /// Takes those that write now for the right ones.
+    pub(crate) fn know(&self) {
+        let dds_name = format!("rt{}", self.topic);
+        let writers = self.peers.writers().into_iter();
+        let on = writers.filter(|peer| peer.topic == dds_name);
+        let mut known = self
+            .counts
+            .writers
+            .lock()
+            .unwrap_or_else(|e| e.into_inner());
+        *known = Some(on.map(|peer| peer.id).collect());
+        self.counts.new_writer.store(false, Ordering::Relaxed);
+    }
+
+    /// Whether nobody else writes.
+    pub(crate) fn check(&self) -> Result<(), Cause> {
+        match self.counts.new_writer.load(Ordering::Relaxed) {
+            false => Ok(()),
+            true => Err(Cause::NewPublisher {
+                topic: self.topic.clone(),
+            }),
+        }
     }
 }
 
@@ -112,7 +170,11 @@ impl<M: Serialize> Out<M> {
         std::thread::sleep(SETTLE);
         let mut readers = self.peers.readers();
         readers.retain(|peer| peer.topic == dds_name && peer.type_name == *expected);
-        let mut known = self.counts.readers.lock().unwrap_or_else(|e| e.into_inner());
+        let mut known = self
+            .counts
+            .readers
+            .lock()
+            .unwrap_or_else(|e| e.into_inner());
         *known = readers.iter().map(|peer| peer.id).collect();
         drop(known);
         std::thread::sleep(2 * LOOK);

@@ -120,11 +120,7 @@ fn a_run_follows_the_plan_and_the_jaws_act_at_rest() {
     let plan = plan();
     let off = DVec3::new(0.003, 0.0, 0.0);
     let start = Pose::from_unit(plan.start().position() + off, plan.start().rotation());
-    let mut arm = Stream::new(
-        Recorded::at(start),
-        plan.limits,
-        Journal::none(),
-    );
+    let mut arm = Stream::new(Recorded::at(start), plan.limits, Journal::none());
     let mut jaws = RecordedJaws::default();
     let stop = AtomicBool::new(false);
     let end = play(
@@ -247,11 +243,7 @@ fn a_signal_stops_on_the_path() {
         fn hold(&mut self, now: f64, pose: &Pose) -> Result<(), Cause> {
             self.0.hold(now, pose)
         }
-        fn start(
-            &mut self,
-            now: f64,
-            s: &Arc<Segment>,
-        ) -> Result<(), Cause> {
+        fn start(&mut self, now: f64, s: &Arc<Segment>) -> Result<(), Cause> {
             self.0.start(now, s)
         }
         fn poll(&mut self, now: f64) -> Result<bool, Cause> {
@@ -263,11 +255,7 @@ fn a_signal_stops_on_the_path() {
         }
     }
     let stop = AtomicBool::new(false);
-    let inner = Stream::new(
-        Recorded::at(plan.start()),
-        plan.limits,
-        Journal::none(),
-    );
+    let inner = Stream::new(Recorded::at(plan.start()), plan.limits, Journal::none());
     let mut arm = Signal(inner, &stop);
     let mut jaws = RecordedJaws::default();
     let end = play(

@@ -153,7 +153,8 @@ impl<E: Execute> Arm for Trajectories<E> {
 
     fn start(&mut self, now: f64, segment: &Arc<Segment>) -> Result<(), Cause> {
         let trajectory = trajectory(segment, &self.names);
-        self.journal.trajectory(now, self.action.name(), &trajectory);
+        self.journal
+            .trajectory(now, self.action.name(), &trajectory);
         let goal = E::goal(trajectory);
         self.action.send(goal, 1.5 * segment.law.duration() + 5.0);
         self.busy = true;

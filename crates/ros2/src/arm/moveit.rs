@@ -273,8 +273,17 @@ impl<L: Layout> MoveIt<L> {
     }
 
     /// The tip where it should be, the joints no faster than they may.
-    fn check(&self, segment: &Segment, rows: &[Pose], joints: Vec<f64>) -> Result<Vec<f64>, String> {
-        for (k, (row, q)) in rows.iter().zip(joints.chunks(self.joint_names.len())).enumerate() {
+    fn check(
+        &self,
+        segment: &Segment,
+        rows: &[Pose],
+        joints: Vec<f64>,
+    ) -> Result<Vec<f64>, String> {
+        for (k, (row, q)) in rows
+            .iter()
+            .zip(joints.chunks(self.joint_names.len()))
+            .enumerate()
+        {
             let tip = self.model.forward(q);
             let (far, turned) = (tip.position().distance(row.position()), angle(&tip, row));
             if far.is_nan() || far > OFF.0 || turned > OFF.1 {
@@ -288,7 +297,12 @@ impl<L: Layout> MoveIt<L> {
                 ));
             }
         }
-        let usages = usage(&self.model, &Rates::of(&self.model), &segment.times(), &joints);
+        let usages = usage(
+            &self.model,
+            &Rates::of(&self.model),
+            &segment.times(),
+            &joints,
+        );
         match usages.iter().find(|usage| usage.slow_down() > 1.0) {
             Some(worst) => Err(format!(
                 "{} would be {:.4}, at most {:.4}; a lower --speed helps",
@@ -301,9 +315,8 @@ impl<L: Layout> MoveIt<L> {
 
 /// Poses that differ from the one before, none when all are the first.
 fn waypoints(rows: &[Pose]) -> Vec<Pose> {
-    let same = |a: &Pose, b: &Pose| {
-        a.position().distance(b.position()) < SAME.0 && angle(a, b) < SAME.1
-    };
+    let same =
+        |a: &Pose, b: &Pose| a.position().distance(b.position()) < SAME.0 && angle(a, b) < SAME.1;
     let mut chosen: Vec<Pose> = Vec::new();
     for row in rows {
         if !same(chosen.last().unwrap_or(&rows[0]), row) {
@@ -344,7 +357,10 @@ fn points(answer: &Answer, names: &[String], start: &[f64]) -> Result<Vec<Vec<f6
     };
     let mut points = vec![start.to_vec()];
     for point in &solution.points {
-        let q: Option<Vec<f64>> = order.iter().map(|k| point.positions.get(*k).copied()).collect();
+        let q: Option<Vec<f64>> = order
+            .iter()
+            .map(|k| point.positions.get(*k).copied())
+            .collect();
         let q = q.ok_or("a point has fewer positions than there are joints")?;
         let last = &points[points.len() - 1];
         for ((a, b), name) in q.iter().zip(last).zip(names) {

@@ -53,7 +53,8 @@ impl Gripper for Parallel {
         self.jaw = jaw;
         let told = format!("{} at {position}, effort {effort}", self.joint);
         self.journal.event(now, "gripper goal", told);
-        self.action.send(ParallelGoal { command }, self.jaws.deadline);
+        self.action
+            .send(ParallelGoal { command }, self.jaws.deadline);
         Ok(())
     }
 

@@ -22,9 +22,9 @@ pub(crate) struct Switch {
 }
 
 enum Way {
-    Topic(Out<SetBool>),
+    Topic(Box<Out<SetBool>>),
     /// And whether an answer is waited for.
-    Service(Call<SetBool, SetBoolReply>, bool),
+    Service(Box<Call<SetBool, SetBoolReply>>, bool),
 }
 
 impl Switch {
@@ -35,7 +35,7 @@ impl Switch {
         journal: Journal,
     ) -> Result<Self, Error> {
         let out = Out::new(bus, name, ("std_msgs", "Bool"))?;
-        Ok(Self::new(Way::Topic(out), jaws, journal))
+        Ok(Self::new(Way::Topic(Box::new(out)), jaws, journal))
     }
 
     pub(crate) fn service(
@@ -45,7 +45,11 @@ impl Switch {
         journal: Journal,
     ) -> Result<Self, Error> {
         let call = Call::new(bus, name, ("std_srvs", "SetBool"))?;
-        Ok(Self::new(Way::Service(call, false), jaws, journal))
+        Ok(Self::new(
+            Way::Service(Box::new(call), false),
+            jaws,
+            journal,
+        ))
     }
 
     fn new(way: Way, jaws: Jaws, journal: Journal) -> Self {

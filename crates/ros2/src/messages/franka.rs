@@ -14,20 +14,20 @@ message!(/// franka_msgs/Grasp, Move and Homing, feedback.
     FrankaFeedback { current_width: f64 });
 message!(/// geometry_msgs/WrenchStamped, TwistStamped and AccelStamped.
     SixStamped { header: Header, six: [f64; 6] });
-message!(/// geometry_msgs/InertiaStamped: mass, centre, ixx ixy ixz iyy iyz izz.
-    InertiaStamped { header: Header, mass: f64, centre: [f64; 3], inertia: [f64; 6] });
+message!(/// geometry_msgs/InertiaStamped: m, com, ixx ixy ixz iyy iyz izz.
+    InertiaStamped { header: Header, m: f64, com: [f64; 3], inertia: [f64; 6] });
 message!(/// franka_msgs/FrankaRobotState: what is read of it is the mode and the errors, the last fields.
-    RobotState {
-        header: Header, collision_indicators: [f64; 26],
-        measured_joint_state: JointState, desired_joint_state: JointState, measured_joint_motor_state: JointState,
-        ddq_d: [f64; 7], dtau_j: [f64; 7], tau_ext_hat_filtered: JointState, elbow: [f64; 10],
-        k_f_ext_hat_k: SixStamped, o_f_ext_hat_k: SixStamped,
-        inertia_ee: InertiaStamped, inertia_load: InertiaStamped, inertia_total: InertiaStamped,
-        o_t_ee: PoseStamped, o_t_ee_d: PoseStamped, o_t_ee_c: PoseStamped, f_t_ee: PoseStamped, ee_t_k: PoseStamped,
-        o_dp_ee_d: SixStamped, o_dp_ee_c: SixStamped, o_ddp_ee_c: SixStamped,
-        time: f64, control_command_success_rate: f64, robot_mode: u8,
-        current_errors: [[bool; 18]; 2], last_motion_errors: [[bool; 18]; 2],
-    });
+RobotState {
+    header: Header, collision_indicators: [f64; 26],
+    measured_joint_state: JointState, desired_joint_state: JointState, measured_joint_motor_state: JointState,
+    ddq_d: [f64; 7], dtau_j: [f64; 7], tau_ext_hat_filtered: JointState, elbow: [f64; 10],
+    k_f_ext_hat_k: SixStamped, o_f_ext_hat_k: SixStamped,
+    inertia_ee: InertiaStamped, inertia_load: InertiaStamped, inertia_total: InertiaStamped,
+    o_t_ee: PoseStamped, o_t_ee_d: PoseStamped, o_t_ee_c: PoseStamped, f_t_ee: PoseStamped, ee_t_k: PoseStamped,
+    o_dp_ee_d: SixStamped, o_dp_ee_c: SixStamped, o_ddp_ee_c: SixStamped,
+    time: f64, control_command_success_rate: f64, robot_mode: u8,
+    current_errors: [[bool; 18]; 2], last_motion_errors: [[bool; 18]; 2],
+});
 
 /// The modes of FrankaRobotState.
 pub const MODES: [&str; 7] = [

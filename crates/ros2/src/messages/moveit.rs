@@ -18,19 +18,19 @@ message!(/// moveit_msgs/MoveItErrorCodes of Humble.
 message!(/// moveit_msgs/MoveItErrorCodes of Jazzy.
     CodeJazzy { val: i32, message: String, source: String });
 message!(/// moveit_msgs/GetCartesianPath of Humble, request.
-    CartesianPathHumble {
-        header: Header, start_state: RobotState, group_name: String, link_name: String, waypoints: Vec<Pose>,
-        max_step: f64, jump_threshold: f64, prismatic_jump_threshold: f64, revolute_jump_threshold: f64,
-        avoid_collisions: bool, path_constraints: NoConstraints,
-    });
+CartesianPathHumble {
+    header: Header, start_state: RobotState, group_name: String, link_name: String, waypoints: Vec<Pose>,
+    max_step: f64, jump_threshold: f64, prismatic_jump_threshold: f64, revolute_jump_threshold: f64,
+    avoid_collisions: bool, path_constraints: NoConstraints,
+});
 message!(/// moveit_msgs/GetCartesianPath of Jazzy, request.
-    CartesianPathJazzy {
-        header: Header, start_state: RobotState, group_name: String, link_name: String, waypoints: Vec<Pose>,
-        max_step: f64, jump_threshold: f64, prismatic_jump_threshold: f64, revolute_jump_threshold: f64,
-        avoid_collisions: bool, path_constraints: NoConstraints,
-        max_velocity_scaling_factor: f64, max_acceleration_scaling_factor: f64,
-        cartesian_speed_limited_link: String, max_cartesian_speed: f64,
-    });
+CartesianPathJazzy {
+    header: Header, start_state: RobotState, group_name: String, link_name: String, waypoints: Vec<Pose>,
+    max_step: f64, jump_threshold: f64, prismatic_jump_threshold: f64, revolute_jump_threshold: f64,
+    avoid_collisions: bool, path_constraints: NoConstraints,
+    max_velocity_scaling_factor: f64, max_acceleration_scaling_factor: f64,
+    cartesian_speed_limited_link: String, max_cartesian_speed: f64,
+});
 message!(/// moveit_msgs/GetCartesianPath of Humble, reply.
     CartesianReplyHumble { start_state: RobotState, solution: RobotTrajectory, fraction: f64, error_code: CodeHumble });
 message!(/// moveit_msgs/GetCartesianPath of Jazzy, reply.

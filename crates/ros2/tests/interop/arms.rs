@@ -120,11 +120,17 @@ fn poses_arrive_at_250_hz_and_the_jaws_act_in_order() {
     assert_eq!(path[0], "fr3_link0");
     let ends = [path[2].clone(), path[3].clone()].map(|pose| seven(&pose));
     let last = &played.plan.segments[2];
-    for (end, pose) in ends.iter().zip([played.plan.start(), last.pose(last.law.length)]) {
+    for (end, pose) in ends
+        .iter()
+        .zip([played.plan.start(), last.pose(last.law.length)])
+    {
         assert!(pose.position().distance(DVec3::new(end[0], end[1], end[2])) < 1e-12);
     }
     let told = played.got["diagnostics"].as_array().unwrap();
-    let states: Vec<&str> = told.iter().map(|status| status[1].as_str().unwrap()).collect();
+    let states: Vec<&str> = told
+        .iter()
+        .map(|status| status[1].as_str().unwrap())
+        .collect();
     assert!(states.contains(&"moving 2"), "{states:?}");
     assert!(told.iter().all(|status| status[0] == 0));
 }
@@ -149,7 +155,10 @@ fn servo_is_put_into_its_mode_before_the_first_pose() {
     assert_eq!(played.end, State::Finished);
     the_stream_is_the_spline(&played, false);
     // Poses, then not paused, and no pose before.
-    assert_eq!(played.got["calls"], json!([["type", 2, 0], ["pause", false, 0]]));
+    assert_eq!(
+        played.got["calls"],
+        json!([["type", 2, 0], ["pause", false, 0]])
+    );
 
     let job = Job::new(name, "servo", "gripper-command");
     let halts = json!({"servo": "ok", "halt_after": 300});
@@ -217,7 +226,11 @@ fn moveit_plans_the_path_and_our_law_times_it() {
         assert_eq!(played.end, State::Finished);
         trajectories(&played, "/execute_trajectory", 1);
         // The jaws act between motions.
-        let order: Vec<&str> = played.goals().iter().map(|g| g[0].as_str().unwrap()).collect();
+        let order: Vec<&str> = played
+            .goals()
+            .iter()
+            .map(|g| g[0].as_str().unwrap())
+            .collect();
         let (arm, jaw) = ("/execute_trajectory", "/gripper");
         assert_eq!(order, [arm, jaw, arm, jaw, arm, jaw, arm]);
         // Only the motion that moves was planned: frame, group, link, and the state as a difference.
@@ -227,7 +240,10 @@ fn moveit_plans_the_path_and_our_law_times_it() {
         else {
             panic!("{calls:?}");
         };
-        assert_eq!(json!([frame, group, link]), json!(["fr3_link0", "fr3_arm", "fr3_hand_tcp"]));
+        assert_eq!(
+            json!([frame, group, link]),
+            json!(["fr3_link0", "fr3_arm", "fr3_hand_tcp"])
+        );
         assert!(count.as_u64().unwrap() > 50 && step.as_f64().unwrap() > 0.0);
         assert_eq!(diff, true);
     }
@@ -238,7 +254,10 @@ fn what_moveit_cannot_do_is_refused_before_anything_moves() {
     let name = "what_moveit_cannot_do_is_refused_before_anything_moves";
     let refused = "the plan of /compute_cartesian_path for motion 2 is refused: ";
     for (how, text) in [
-        ("part", "only 40.0 % of the path were found, code -31, NO_IK_SOLUTION as told"),
+        (
+            "part",
+            "only 40.0 % of the path were found, code -31, NO_IK_SOLUTION as told",
+        ),
         ("jump", "fr3_joint4 jumps by 0.5"),
         ("off", "it leaves the path by"),
     ] {
@@ -276,7 +295,11 @@ fn joint_trajectories_are_those_of_the_plan() {
             "/arm/follow_joint_trajectory ended as Aborted: code -4, PATH_TOLERANCE_VIOLATED: path \
              tolerance",
         ),
-        ("joints", "reject", "/arm/follow_joint_trajectory rejected the goal"),
+        (
+            "joints",
+            "reject",
+            "/arm/follow_joint_trajectory rejected the goal",
+        ),
         (
             "moveit",
             "abort",
@@ -308,6 +331,9 @@ fn a_stop_cancels_the_trajectory_and_waits_for_the_answer() {
         assert_eq!(played.got["cancels"], 1);
         let ended = |line: &&Value| line["event"] == "trajectory ended";
         let ended = played.lines.iter().rfind(ended).unwrap();
-        assert!(ended["detail"].as_str().unwrap().starts_with("Canceled"), "{ended}");
+        assert!(
+            ended["detail"].as_str().unwrap().starts_with("Canceled"),
+            "{ended}"
+        );
     }
 }

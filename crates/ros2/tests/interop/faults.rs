@@ -16,14 +16,33 @@ fn a_peer_that_goes_or_intrudes_stops_the_arm_at_rest() {
             false,
             "/target_pose has 1 publishers besides this one",
         ),
-        (json!({"deaf_after": 700}), false, "nobody reads /target_pose any more"),
-        (json!({"mute_after": 700}), false, "the measured state is 0.4"),
-        (json!({"kill_after": 700}), false, "the measured state is 0.4"),
+        (
+            json!({"deaf_after": 700}),
+            false,
+            "nobody reads /target_pose any more",
+        ),
+        (
+            json!({"mute_after": 700}),
+            false,
+            "the measured state is 0.4",
+        ),
+        (
+            json!({"kill_after": 700}),
+            false,
+            "the measured state is 0.4",
+        ),
         // It comes again, but the run is over.
-        (json!({"kill_after": 700}), true, "the measured state is 0.4"),
+        (
+            json!({"kill_after": 700}),
+            true,
+            "the measured state is 0.4",
+        ),
     ] {
         let mut job = Job::new(name, "cartesian", "gripper-command");
         job.again = again;
+        if again {
+            job.settings.stale = 5.0;
+        }
         let Some(played) = job.told(told.clone()).play() else {
             return;
         };
@@ -40,7 +59,10 @@ fn what_is_not_as_it_must_be_is_told_before_anything_is_sent() {
     let Some(played) = job.told(json!({"impossible": true})).play() else {
         return;
     };
-    assert_eq!(played.cause(), "fr3_joint1 in /joint_states is impossible: 9 rad");
+    assert_eq!(
+        played.cause(),
+        "fr3_joint1 in /joint_states is impossible: 9 rad"
+    );
     // Names of joints that nobody tells.
     let mut job = Job::new(name, "cartesian", "gripper-command");
     for joint in &mut job.plan.joint_names {
@@ -84,7 +106,10 @@ fn with_the_wrong_mapping_a_request_is_unanswered_and_the_deadline_ends_it() {
     job.mapping = Mapping::Enhanced;
     let Some(played) = job.play() else { return };
     let cause = played.cause();
-    assert!(cause.starts_with("/gripper send_goal did not answer within 2 s"), "{cause}");
+    assert!(
+        cause.starts_with("/gripper send_goal did not answer within 2 s"),
+        "{cause}"
+    );
     assert!(cause.contains("RMW_IMPLEMENTATION"), "{cause}");
     assert_eq!(played.goals().len(), 0);
     played.rests();
@@ -98,6 +123,9 @@ fn a_robot_that_comes_after_six_seconds_is_found() {
     let Some(played) = job.play() else { return };
     assert_eq!(played.end, State::Finished);
     // No sample of a motion is lost.
-    let (sent, got) = (played.sent().len(), played.got["poses"].as_array().unwrap().len());
+    let (sent, got) = (
+        played.sent().len(),
+        played.got["poses"].as_array().unwrap().len(),
+    );
     assert!(sent - got < 75, "{got} of {sent}");
 }

@@ -32,7 +32,10 @@ fn every_gripper_is_told_in_its_own_words_and_in_order() {
             return;
         };
         assert_eq!(played.end, State::Finished, "{gripper}");
-        let told = played.goals().iter().filter(|goal| goal[0] != "/arm/follow_joint_trajectory");
+        let told = played
+            .goals()
+            .iter()
+            .filter(|goal| goal[0] != "/arm/follow_joint_trajectory");
         let told: Vec<[&Value; 2]> = told.map(|goal| [&goal[0], &goal[1]]).collect();
         assert_eq!(json!(told), expected);
     }
@@ -60,7 +63,10 @@ fn jaws_that_stall_on_a_cloth_are_closed_and_jaws_that_stall_when_they_open_are_
             return;
         };
         let cause = played.cause();
-        assert!(cause.contains("stalled true, reached_goal false"), "{cause}");
+        assert!(
+            cause.contains("stalled true, reached_goal false"),
+            "{cause}"
+        );
         // Closed, moved, and stopped when it was to open.
         assert_eq!(played.goals().len(), 2, "{gripper}");
         played.rests();
@@ -115,6 +121,9 @@ fn a_gripper_that_is_not_there_is_a_matter_of_the_policy() {
         return;
     };
     assert_eq!(played.end, State::Finished);
-    let said = played.lines.iter().any(|line| line["event"] == "no gripper, going on without");
+    let said = played
+        .lines
+        .iter()
+        .any(|line| line["event"] == "no gripper, going on without");
     assert!(said, "{:?}", played.lines);
 }

@@ -143,7 +143,8 @@ impl Job {
     pub(crate) fn play(self) -> Option<Played> {
         let plan = &self.plan;
         let mut told = self.told.clone();
-        (told["arm_kind"], told["gripper_kind"]) = (json!(self.choice.arm), json!(self.choice.gripper));
+        (told["arm_kind"], told["gripper_kind"]) =
+            (json!(self.choice.arm), json!(self.choice.gripper));
         let told = &told;
         let domain = Domain::free(self.timed);
         let folder = tempfile::tempdir().unwrap();
@@ -158,12 +159,29 @@ impl Job {
             loopback: true,
             mapping: self.mapping,
         };
-        let start = || Peer::start(self.test, &domain, plan.start_joints(), &plan.joint_names, told);
+        let start = || {
+            Peer::start(
+                self.test,
+                &domain,
+                plan.start_joints(),
+                &plan.joint_names,
+                told,
+            )
+        };
         // A peer that comes late is started while we wait for it.
         let (mut robots, mut peer);
         let join = || {
             let (names, choice) = (&self.names, &self.choice);
-            connect(&network, names, choice, &Arm::fr3(), plan, self.jaws, &journal).unwrap()
+            connect(
+                &network,
+                names,
+                choice,
+                &Arm::fr3(),
+                plan,
+                self.jaws,
+                &journal,
+            )
+            .unwrap()
         };
         if self.late > 0.0 {
             robots = join();
@@ -204,7 +222,9 @@ impl Job {
         Some(Played {
             end,
             got: peer.finish(),
-            lines: lines.map(|line| serde_json::from_str(line).unwrap()).collect(),
+            lines: lines
+                .map(|line| serde_json::from_str(line).unwrap())
+                .collect(),
             period: self.settings.period,
             plan: self.plan,
         })
@@ -238,7 +258,11 @@ impl Played {
 
     /// What was sent is smooth and ends at rest.
     pub(crate) fn rests(&self) {
-        let sent: Vec<DVec3> = self.sent().iter().map(|p| DVec3::new(p[0], p[1], p[2])).collect();
+        let sent: Vec<DVec3> = self
+            .sent()
+            .iter()
+            .map(|p| DVec3::new(p[0], p[1], p[2]))
+            .collect();
         let rates = |x: &[DVec3]| -> Vec<DVec3> {
             x.windows(2).map(|p| (p[1] - p[0]) / self.period).collect()
         };

@@ -42,7 +42,10 @@ fn a_pose_on_a_topic_and_the_frames_are_compared_with_the_joints() {
     // A robot that does not follow any more.
     let played = job(name, json!({"stuck_after": 300})).play().unwrap();
     let cause = played.cause();
-    assert!(cause.starts_with("the pose that was sent and /current_pose differ by 0.05"), "{cause}");
+    assert!(
+        cause.starts_with("the pose that was sent and /current_pose differ by 0.05"),
+        "{cause}"
+    );
     assert!(cause.ends_with("the robot does not follow"), "{cause}");
     played.rests();
     // Frames of another base are not ours: nothing comes of them.
@@ -65,7 +68,10 @@ fn stamps_are_those_of_the_clock_and_a_clock_that_stands_still_stops_the_arm() {
     assert!(cause.starts_with("/clock is 0.5"), "{cause}");
     let stamps: Vec<(i64, i64)> = serde_json::from_value(played.got["stamps"].clone()).unwrap();
     assert!(!stamps.is_empty());
-    assert!(stamps.iter().all(|(sec, _)| (100..105).contains(sec)), "{stamps:?}");
+    assert!(
+        stamps.iter().all(|(sec, _)| (100..105).contains(sec)),
+        "{stamps:?}"
+    );
     assert!(stamps.is_sorted());
     // Without any clock nothing is sent.
     let mut run = Job::new(name, "cartesian", "none");

@@ -111,7 +111,10 @@ impl Peer {
 
     /// Waits until it is gone by itself.
     pub(crate) fn gone(&mut self) {
-        self.child.wait().unwrap();
+        // Waiting itself would close its input, which ends it.
+        while self.child.try_wait().unwrap().is_none() {
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
     }
 
     /// What it has received.

@@ -159,6 +159,11 @@ def intrude():
     if after("second_after"): second = writer("rt/target_pose", PoseStamped)
 
 
+def pretend():
+    global impostor
+    if after("impostor_after"): impostor = writer("rt/joint_states", JointState)
+
+
 def leave():
     if after("kill_after"): os.kill(os.getpid(), signal.SIGKILL)
 
@@ -168,10 +173,11 @@ def deaf():
     if after("deaf_after"):
         gone, targets = targets, None
         time.sleep(0.05)
-        del gone
+        # Dropping the object is not enough: it is known by a weak reference that is gone by then.
+        gone._delete(gone._ref)
 
 
-for work in [publish, listen] + [intrude] * ("second_after" in told) + [leave] * ("kill_after" in told) + [deaf] * ("deaf_after" in told):
+for work in [publish, listen] + [intrude] * ("second_after" in told) + [leave] * ("kill_after" in told) + [deaf] * ("deaf_after" in told) + [pretend] * ("impostor_after" in told):
     threading.Thread(target=work, daemon=True).start()
 print("ready", flush=True)
 sys.stdin.read()

@@ -9,7 +9,7 @@ use selvedge_math::Jaw;
 use selvedge_ros2::connect::Choice;
 use selvedge_ros2::gripper::jaws::Jaws;
 use selvedge_ros2::limits::Limits;
-use selvedge_ros2::names::Names;
+use selvedge_ros2::names::{Names, Parameters};
 use selvedge_ros2::network::Distro;
 use selvedge_ros2::plan::Workspace;
 use selvedge_ros2::play::{Policy, Settings};
@@ -154,7 +154,7 @@ pub(crate) struct Arguments {
 const BY_HAND: [&str; 3] = ["execute", "live", "preview"];
 
 /// Reads the command line with its ROS arguments.
-pub(crate) fn read() -> Result<(Arguments, Names, Vec<(String, String)>)> {
+pub(crate) fn read() -> Result<(Arguments, Names, Parameters)> {
     let (names, rest, parameters) = Names::from_arguments(std::env::args())?;
     let mut rest = rest.into_iter();
     let mut all: Vec<String> = rest.next().into_iter().collect();
@@ -175,7 +175,7 @@ pub(crate) fn read() -> Result<(Arguments, Names, Vec<(String, String)>)> {
         Some(namespace) => names.within(namespace)?,
         None => names,
     };
-    let mut shown: Vec<(String, String)> = parameters;
+    let mut shown = parameters;
     for (name, value) in [
         ("arm", arguments.arm.clone()),
         ("gripper", arguments.gripper.clone()),
@@ -261,7 +261,7 @@ impl Arguments {
         }
     }
 
-    pub(crate) fn choice(&self, parameters: Vec<(String, String)>) -> Result<Choice> {
+    pub(crate) fn choice(&self, parameters: Parameters) -> Result<Choice> {
         let get = |name: &str| std::env::var(name).ok();
         let choice = Choice {
             arm: self.arm.clone(),

@@ -115,7 +115,10 @@ impl Run {
             }
             None => {
                 let target = Target {
-                    topic: self.names.resolve(&self.choice.arm_name()?).unwrap_or("/pose".into()),
+                    topic: self
+                        .names
+                        .resolve(&self.choice.arm_name()?)
+                        .unwrap_or("/pose".into()),
                     frame: self.choice.frame.clone(),
                 };
                 let (journal, writer) = Journal::create(&self.arguments.journal, Some(target))?;
@@ -163,7 +166,9 @@ impl Run {
                 Err(RecvTimeoutError::Disconnected) => break,
             };
             // What is wrong with the next motion is found while the robot rests.
-            let ended = log.map_err(anyhow::Error::from).and_then(|log| self.log(&log));
+            let ended = log
+                .map_err(anyhow::Error::from)
+                .and_then(|log| self.log(&log));
             match ended {
                 Ok(state) => end = state,
                 Err(error) => {
