@@ -75,6 +75,8 @@ message!(/// control_msgs/ParallelGripperCommand, result.
     ParallelResult { state: JointState, stalled: bool, reached_goal: bool });
 message!(/// control_msgs/ParallelGripperCommand, feedback.
     ParallelFeedback { state: JointState });
+message!(/// A message without fields, such as std_srvs/Trigger as a request: on the wire it has a byte.
+    Empty { structure_needs_at_least_one_member: u8 });
 message!(/// std_msgs/Bool, and std_srvs/SetBool as a request.
     SetBool { data: bool });
 message!(/// std_srvs/SetBool and std_srvs/Trigger, reply.

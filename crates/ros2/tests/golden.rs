@@ -139,6 +139,8 @@ fn every_message_has_the_bytes_that_another_encoder_gives_it() {
     check::<m::ParallelFeedback>(g, "control_msgs/msg/ParallelGripperCommand_Feedback");
     check::<m::SetBool>(g, "std_srvs/msg/SetBool_Request");
     check::<m::SetBoolReply>(g, "std_srvs/msg/SetBool_Response");
+    check::<m::Empty>(g, "std_srvs/msg/Trigger_Request");
+    check::<m::SetBoolReply>(g, "std_srvs/msg/Trigger_Response");
     check::<franka::GraspGoal>(g, "franka_msgs/msg/Grasp_Goal");
     check::<franka::MoveGoal>(g, "franka_msgs/msg/Move_Goal");
     for action in ["Grasp", "Move"] {

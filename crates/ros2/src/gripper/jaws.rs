@@ -19,6 +19,8 @@ pub struct Jaws {
     pub force: f64,
     /// How long a command may take [s].
     pub deadline: f64,
+    /// Whether the Franka hand finds its ends first: it opens and closes whole.
+    pub homing: bool,
     /// How long jaws that tell nothing are given [s].
     pub blind: f64,
 }
@@ -33,6 +35,7 @@ impl Default for Jaws {
             speed: 0.1,
             force: 20.0,
             deadline: 10.0,
+            homing: false,
             blind: 1.5,
         }
     }

@@ -14,6 +14,7 @@ fn every_gripper_is_told_in_its_own_words_and_in_order() {
         (
             "franka",
             json!([
+                ["/hand/homing", []],
                 ["/hand/move", [0.08, 0.1]],
                 ["/hand/grasp", [0.0, 0.005, 0.005, 0.1, 20.0]],
                 ["/hand/move", [0.08, 0.1]]
@@ -28,9 +29,9 @@ fn every_gripper_is_told_in_its_own_words_and_in_order() {
             ]),
         ),
     ] {
-        let Some(played) = Job::new(name, "joints", gripper).play() else {
-            return;
-        };
+        let mut job = Job::new(name, "joints", gripper);
+        job.jaws.homing = gripper == "franka";
+        let Some(played) = job.play() else { return };
         assert_eq!(played.end, State::Finished, "{gripper}");
         let told = played
             .goals()
@@ -126,4 +127,26 @@ fn a_gripper_that_is_not_there_is_a_matter_of_the_policy() {
         .iter()
         .any(|line| line["event"] == "no gripper, going on without");
     assert!(said, "{:?}", played.lines);
+}
+
+#[test]
+fn a_stop_takes_the_command_back_and_stops_the_hand() {
+    let name = "a_stop_takes_the_command_back_and_stops_the_hand";
+    let mut job = Job::new(name, "cartesian", "franka");
+    // The jaws open for ten seconds, from some 3.5 s on.
+    job.stop_after = Some(5.0);
+    let Some(played) = job.told(json!({"jaw_seconds": 10.0})).play() else {
+        return;
+    };
+    assert_eq!(
+        played.end,
+        State::Stopped(selvedge_ros2::error::Cause::Signal)
+    );
+    assert_eq!(played.got["cancels"], 1);
+    let calls = played.got["calls"].as_array().unwrap();
+    assert_eq!(calls.len(), 1, "{calls:?}");
+    assert_eq!(calls[0][0], "stop");
+    // It never closes or opens anything by itself.
+    assert_eq!(played.goals().len(), 1);
+    played.rests();
 }

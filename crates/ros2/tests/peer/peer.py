@@ -20,6 +20,8 @@ move = action("franka_msgs", "Move", {k: float64 for k in ("width", "speed")}, t
 follow = action("control_msgs", "FollowJointTrajectory",
                 {"trajectory": Trajectory, "multi": MultiDof, "a": sequence[uint8], "b": sequence[uint8], "c": sequence[uint8], "d": sequence[uint8], "sec": int32, "nanosec": uint32},
                 {"code": int32, "text": str}, {"header": Header})
+homing = action("franka_msgs", "Homing", {"nothing": uint8}, text, width)
+trigger = service("std_srvs/Trigger", {"nothing": uint8}, {"success": bool, "text": str})
 set_bool = service("std_srvs/SetBool", {"data": bool}, {"success": bool, "text": str})
 command_type = service("moveit_msgs/ServoCommandType", {"command_type": int8}, {"success": bool})
 
@@ -61,7 +63,9 @@ if how != "none":
         servers.append(Server("/parallel", parallel, how, 0.1, lambda goal, how: (goal["goal"].command, *moved(goal, how)), lambda r: [list(r.command.name), list(r.command.position), list(r.command.velocity), list(r.command.effort)]))
     if gripper_kind == "franka":
         servers += [Server("/hand/grasp", grasp, how, 0.1, done, lambda r: [r.width, r.inner, r.outer, r.speed, r.force]),
-                    Server("/hand/move", move, how, 0.1, done, lambda r: [r.width, r.speed])]
+                    Server("/hand/move", move, how, told.get("jaw_seconds", 0.1), done, lambda r: [r.width, r.speed]),
+                    Server("/hand/homing", homing, "ok", 0.1, done, lambda r: [])]
+        Service("/hand/stop", trigger, call("stop", lambda r: (True, "")))
     if gripper_kind == "set-bool": Service("/close", set_bool, call("close", lambda r: (how != "fail", "no air" if how == "fail" else "")))
     if gripper_kind == "bool": switched = reader("rt/close", Bool)
 

@@ -142,6 +142,9 @@ pub(crate) struct Arguments {
     /// Force of the gripper [N].
     #[arg(long, default_value_t = 20.0)]
     force: f64,
+    /// Have the Franka hand find its ends first: it opens and closes whole.
+    #[arg(long)]
+    homing: bool,
     /// How long jaws that tell nothing are given [s].
     #[arg(long, default_value_t = 1.5)]
     jaw_time: f64,
@@ -256,6 +259,7 @@ impl Arguments {
             open: self.open,
             closed: self.closed,
             force: self.force,
+            homing: self.homing,
             blind: self.jaw_time,
             ..Jaws::default()
         }
