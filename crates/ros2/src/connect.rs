@@ -143,7 +143,7 @@ impl Robots {
     /// No robot: what would be sent goes to the journal alone, and nothing to a network.
     pub fn recorded(plan: &Plan, journal: &Journal) -> Self {
         let sink = Recorded::at(plan.start());
-        let arm = Stream::new(sink, plan.limits, journal.clone());
+        let arm = Stream::new(sink, plan.limits, journal.clone().waiting());
         Self {
             arm: Box::new(arm),
             gripper: Box::new(RecordedJaws::default()),
@@ -203,8 +203,8 @@ pub fn show(
 /// Joins the network and makes clients for a robot; it need not be there yet.
 ///
 /// # Errors
-/// [`Error::Value`] for a backend or a name that there is not, [`Error::Network`] when the network
-/// cannot be used.
+/// [`Error::Value`] for a backend or a name that there is not, and for `record`, which is
+/// [`Robots::recorded`]; [`Error::Network`] when the network cannot be used.
 pub fn connect(
     network: &Network,
     names: &Names,
@@ -216,9 +216,6 @@ pub fn connect(
 ) -> Result<Robots, Error> {
     choice.check()?;
     jaws.check()?;
-    if choice.arm == "record" {
-        return Ok(Robots::recorded(plan, journal));
-    }
     let mut bus = Bus::new(network, names, &choice.parameters, choice.patience)?;
     let robots = robots(&mut bus, choice, model, plan, jaws, journal)?;
     Ok(Robots {
@@ -265,7 +262,11 @@ fn robots(
             moveit::<Jazzy>(bus, name, choice, model, plan, robot, journal)?
         }
         ("servo", _) => stream(Servo::new(bus, name, frame, robot)?, plan, journal),
-        _ => stream(Cartesian::new(bus, name, frame, robot)?, plan, journal),
+        ("cartesian", _) => stream(Cartesian::new(bus, name, frame, robot)?, plan, journal),
+        (other, _) => {
+            let bound = "one that is on the network";
+            return Err(Error::value("the command line", "--arm", other, bound));
+        }
     };
     let default = find("--gripper", &choice.gripper, &GRIPPERS)?;
     let name = choice.gripper_name.as_deref().unwrap_or(default);

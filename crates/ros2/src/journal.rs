@@ -60,6 +60,7 @@ pub struct Target {
 pub struct Journal {
     sender: Option<SyncSender<Record>>,
     shared: Arc<Shared>,
+    waits: bool,
 }
 
 #[derive(Debug, Default)]
@@ -85,6 +86,7 @@ impl Journal {
         Self {
             sender: None,
             shared: Arc::default(),
+            waits: false,
         }
     }
 
@@ -114,6 +116,7 @@ impl Journal {
         let journal = Self {
             sender: Some(sender),
             shared: Arc::default(),
+            waits: false,
         };
         let thread = std::thread::Builder::new()
             .name("journal".into())
@@ -125,6 +128,15 @@ impl Journal {
             path: name,
         };
         Ok((journal, writer))
+    }
+
+    /// One that waits when the file is slow, and so drops nothing: for a run whose time is only counted.
+    #[must_use]
+    pub fn waiting(self) -> Self {
+        Self {
+            waits: true,
+            ..self
+        }
     }
 
     /// A pose that is sent now; `t` is the time of the run [s].
@@ -182,9 +194,14 @@ impl Journal {
     }
 
     fn put(&self, record: Record) {
-        if let Some(sender) = &self.sender
-            && sender.try_send(record).is_err()
-        {
+        let Some(sender) = &self.sender else {
+            return;
+        };
+        let kept = match self.waits {
+            true => sender.send(record).is_ok(),
+            false => sender.try_send(record).is_ok(),
+        };
+        if !kept {
             self.shared.lost.fetch_add(1, Ordering::Relaxed);
         }
     }
