@@ -31,11 +31,16 @@ fn a_peer_that_goes_or_intrudes_stops_the_arm_at_rest() {
             false,
             "the measured state is 0.4",
         ),
-        // It comes again, but the run is over.
+        // It comes again, but is another; and one that tells the state besides the first.
         (
             json!({"kill_after": 700}),
             true,
-            "the measured state is 0.4",
+            "somebody new publishes /joint_states",
+        ),
+        (
+            json!({"impostor_after": 700}),
+            false,
+            "somebody new publishes /joint_states",
         ),
     ] {
         let mut job = Job::new(name, "cartesian", "gripper-command");
