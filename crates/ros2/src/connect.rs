@@ -143,7 +143,7 @@ impl Robots {
     /// No robot: what would be sent goes to the journal alone, and nothing to a network.
     pub fn recorded(plan: &Plan, journal: &Journal) -> Self {
         let sink = Recorded::at(plan.start());
-        let arm = Stream::new(sink, plan.limits, journal.clone().waiting());
+        let arm = Stream::new(sink, plan.limits, journal.clone());
         Self {
             arm: Box::new(arm),
             gripper: Box::new(RecordedJaws::default()),

@@ -345,6 +345,36 @@ fn played(test: &str, signal: Option<f64>) -> Option<(Output, Value, Plan)> {
     Some((output, peer.finish(), plan))
 }
 
+#[test]
+fn a_preview_shows_the_path_and_commands_nothing() {
+    let test = "a_preview_shows_the_path_and_commands_nothing";
+    let (domain, folder) = (Domain::free(false), tempfile::tempdir().unwrap());
+    let log = log_of("franka_fold.toml", "F1");
+    let plan = plan(&log);
+    let (joints, names) = (plan.start_joints(), &plan.joint_names);
+    let Some(peer) = Peer::start(test, &domain, joints, names, &json!({})) else {
+        return;
+    };
+    let path = written(folder.path(), &log);
+    let child = program(&path, folder.path(), &["--preview"])
+        .env("ROS_DOMAIN_ID", domain.id.to_string())
+        .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        .env("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")
+        .spawn()
+        .unwrap();
+    std::thread::sleep(Duration::from_secs(4));
+    let id = child.id().to_string();
+    let killed = Process::new("kill").args(["-TERM", &id]).status().unwrap();
+    assert!(killed.success());
+    let output = child.wait_with_output().unwrap();
+    let (said, got) = (text(&output), peer.finish());
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(said.contains("1 programs looked at it"), "{said}");
+    assert_eq!(got["paths"].as_array().unwrap().len(), 1);
+    assert_eq!(got["poses"], json!([]));
+    assert_eq!(got["goals"], json!([]));
+}
+
 fn positions(got: &Value) -> Vec<DVec3> {
     let pose = |pose: &Value| {
         let [x, y, z] = [0, 1, 2].map(|k| pose[k].as_f64().unwrap());
@@ -359,6 +389,9 @@ fn a_fold_is_played_from_its_log() {
         return;
     };
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    // Nothing but our own words: the network library has many of its own.
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(said, "");
     let asked: Vec<&Value> = got["goals"]
         .as_array()
         .unwrap()

@@ -82,6 +82,28 @@ fn stamps_are_those_of_the_clock_and_a_clock_that_stands_still_stops_the_arm() {
 }
 
 #[test]
+fn what_a_franka_says_of_itself_is_told_and_changes_nothing() {
+    let name = "what_a_franka_says_of_itself_is_told_and_changes_nothing";
+    let mut job = Job::new(name, "cartesian", "none");
+    job.choice.franka_state = Some("franka_robot_state".into());
+    let Some(played) = job.told(json!({"franka": true})).play() else {
+        return;
+    };
+    // Whoever stops the robot stops it: we only tell.
+    assert_eq!(played.end, State::Finished);
+    let told = played.lines.iter().filter(|line| line["event"] == "robot");
+    let told: Vec<&str> = told.map(|line| line["detail"].as_str().unwrap()).collect();
+    let reflex = "mode reflex, errors: communication_constraints_violation";
+    assert_eq!(told, ["mode move", reflex]);
+    let last = played.got["diagnostics"]
+        .as_array()
+        .unwrap()
+        .last()
+        .unwrap();
+    assert_eq!(last[2]["robot"], reflex);
+}
+
+#[test]
 fn quaternions_stay_on_one_side() {
     let Some(played) = Job::new("quaternions_stay_on_one_side", "cartesian", "none").play() else {
         return;

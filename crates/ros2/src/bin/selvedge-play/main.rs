@@ -122,6 +122,10 @@ impl Run {
                     frame: self.choice.frame.clone(),
                 };
                 let (journal, writer) = Journal::create(&self.arguments.journal, Some(target))?;
+                let journal = match self.choice.arm.as_str() {
+                    "record" => journal.waiting(),
+                    _ => journal,
+                };
                 let line: Vec<String> = std::env::args().collect();
                 journal.event(0.0, "command line", line.join(" "));
                 let robots = if self.choice.arm == "record" {
