@@ -73,6 +73,13 @@ fn stamps_are_those_of_the_clock_and_a_clock_that_stands_still_stops_the_arm() {
         "{stamps:?}"
     );
     assert!(stamps.is_sorted());
+    // What brings the arm to rest is sent all the same.
+    played.rests();
+    let poses = played.got["poses"].as_array().unwrap();
+    assert_eq!(
+        seven(&poses[poses.len() - 1]),
+        played.sent()[played.sent().len() - 1]
+    );
     // Without any clock nothing is sent.
     let mut run = Job::new(name, "cartesian", "none");
     run.choice.sim_time = true;

@@ -7,6 +7,7 @@ use clap::Parser;
 use selvedge_franka::{Arm, Placement};
 use selvedge_math::Jaw;
 use selvedge_ros2::connect::Choice;
+use selvedge_ros2::error::Error;
 use selvedge_ros2::gripper::jaws::Jaws;
 use selvedge_ros2::limits::Limits;
 use selvedge_ros2::names::{Names, Parameters};
@@ -158,7 +159,7 @@ const BY_HAND: [&str; 3] = ["execute", "live", "preview"];
 
 /// Reads the command line with its ROS arguments.
 pub(crate) fn read() -> Result<(Arguments, Names, Parameters)> {
-    let (names, rest, parameters) = Names::from_arguments(std::env::args())?;
+    let (names, rest, parameters) = setting(Names::from_arguments(std::env::args()))?;
     let mut rest = rest.into_iter();
     let mut all: Vec<String> = rest.next().into_iter().collect();
     for (name, value) in &parameters {
@@ -175,7 +176,7 @@ pub(crate) fn read() -> Result<(Arguments, Names, Parameters)> {
     all.extend(rest);
     let arguments = Arguments::parse_from(all);
     let names = match &arguments.namespace {
-        Some(namespace) => names.within(namespace)?,
+        Some(namespace) => setting(names.within(namespace))?,
         None => names,
     };
     let mut shown = parameters;
@@ -190,6 +191,11 @@ pub(crate) fn read() -> Result<(Arguments, Names, Parameters)> {
         shown.push((name.into(), value));
     }
     Ok((arguments, names, shown))
+}
+
+/// What is wrong with a setting is no refusal of the log.
+pub(crate) fn setting<T>(made: Result<T, Error>) -> Result<T> {
+    made.map_err(|error| anyhow::anyhow!("{error}"))
 }
 
 fn numbers<const N: usize>(name: &str, values: &[f64]) -> Result<[f64; N]> {
@@ -281,11 +287,11 @@ impl Arguments {
             frames: self.tf,
             franka_state: self.franka_state.clone(),
             sim_time: self.use_sim_time,
-            distro: Distro::named(self.distro.as_deref(), get)?,
+            distro: setting(Distro::named(self.distro.as_deref(), get))?,
             patience: self.patience,
             parameters,
         };
-        choice.check()?;
+        setting(choice.check())?;
         Ok(choice)
     }
 }

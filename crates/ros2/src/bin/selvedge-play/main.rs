@@ -22,7 +22,7 @@ use selvedge_ros2::play::play;
 use selvedge_ros2::state::State;
 use selvedge_trajectory::log::Log;
 
-use arguments::Arguments;
+use arguments::{Arguments, setting};
 
 fn main() -> ExitCode {
     match run() {
@@ -131,10 +131,12 @@ impl Run {
                 let robots = if self.choice.arm == "record" {
                     Robots::recorded(&plan, &journal)
                 } else {
-                    let network = Network::from_environment(|name| std::env::var(name).ok())?;
+                    let network =
+                        setting(Network::from_environment(|name| std::env::var(name).ok()))?;
                     let (names, choice) = (&self.names, &self.choice);
                     let jaws = self.arguments.jaws();
-                    connect(&network, names, choice, &model, &plan, jaws, &journal)?
+                    let there = connect(&network, names, choice, &model, &plan, jaws, &journal);
+                    setting(there)?
                 };
                 (robots, journal, writer)
             }
@@ -147,7 +149,7 @@ impl Run {
     }
 
     fn preview(&self, plan: &Plan) -> Result<()> {
-        let network = Network::from_environment(|name| std::env::var(name).ok())?;
+        let network = setting(Network::from_environment(|name| std::env::var(name).ok()))?;
         let shown = show(&network, &self.names, &self.choice, plan)?;
         let topic = self.names.resolve("~/planned_path")?;
         println!("the path is on {topic} until Ctrl-C");
