@@ -4,7 +4,8 @@ use selvedge_franka::Arm as Model;
 
 use crate::arm::cartesian::Cartesian;
 use crate::arm::joints::{Follow, Trajectories};
-use crate::arm::moveit::{Group, Humble, Jazzy, Layout, MoveIt};
+use crate::arm::layout::{Humble, Jazzy, Layout};
+use crate::arm::moveit::{Group, MoveIt};
 use crate::arm::servo::Servo;
 use crate::arm::{Arm, Recorded, Sink, Stream};
 use crate::clock::Clock;
