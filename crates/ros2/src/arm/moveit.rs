@@ -51,7 +51,7 @@ pub(crate) struct MoveIt<L: Layout> {
 }
 
 impl<L: Layout> MoveIt<L> {
-    /// `root` is the namespace of `move_group`, `/` or empty for none.
+    /// `root` is the namespace of `move_group`, empty for our own.
     pub(crate) fn new(
         bus: &mut Bus,
         root: &str,
@@ -61,9 +61,8 @@ impl<L: Layout> MoveIt<L> {
         robot: Robot,
         journal: Journal,
     ) -> Result<Self, Error> {
-        let root = root.trim_end_matches('/');
-        let path = format!("{root}/compute_cartesian_path");
-        let execute = format!("{root}/execute_trajectory");
+        let path = under(root, "compute_cartesian_path");
+        let execute = under(root, "execute_trajectory");
         Ok(Self {
             path: Call::new(bus, &path, ("moveit_msgs", "GetCartesianPath"))?,
             execute: Trajectories::new(bus, &execute, joint_names, robot, journal)?,
@@ -153,6 +152,14 @@ impl<L: Layout> MoveIt<L> {
             )),
             None => Ok(joints),
         }
+    }
+}
+
+/// A name in a namespace.
+fn under(root: &str, name: &str) -> String {
+    match root {
+        "" => name.into(),
+        root => format!("{}/{name}", root.trim_end_matches('/')),
     }
 }
 
@@ -309,5 +316,59 @@ impl<L: Layout> Arm for MoveIt<L> {
 
     fn stop(&mut self, now: f64) {
         self.execute.stop(now);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use selvedge_math::{DQuat, DVec3};
+
+    #[test]
+    fn names_are_in_a_namespace_or_relative_to_ours() {
+        assert_eq!(under("", "a"), "a");
+        assert_eq!(under("/", "a"), "/a");
+        assert_eq!(under("/left/", "a"), "/left/a");
+    }
+
+    #[test]
+    fn waypoints_are_poses_that_differ_and_end_at_the_end() {
+        let at = |x: f64| Pose::from_translation(DVec3::X * x);
+        let rows = [0.0, 0.0, 5e-5, 2e-4, 2.5e-4, 1e-3, 1.02e-3, 1.02e-3];
+        let rows: Vec<Pose> = rows.into_iter().map(at).collect();
+        assert_eq!(waypoints(&rows), [at(2e-4), at(1.02e-3)]);
+        assert!(waypoints(&[at(0.0); 4]).is_empty());
+        // A turn on the spot is a way, too.
+        let turned = Pose::from_unit(DVec3::ZERO, DQuat::from_rotation_z(0.01));
+        assert_eq!(waypoints(&[at(0.0), turned]), [turned]);
+    }
+
+    #[test]
+    fn rows_get_their_places_on_a_path_that_goes_there_and_back() {
+        let model = Model::fr3();
+        let start: Vec<f64> = model
+            .joints()
+            .iter()
+            .map(|j| 0.5 * (j.limits.lower + j.limits.upper))
+            .collect();
+        // The first joint goes out and back; rows dwell in the middle and at the turn.
+        let q = |a: f64| {
+            let mut q = start.clone();
+            q[0] += a;
+            q
+        };
+        let points: Vec<Vec<f64>> = [0.0, 0.0, 0.02, 0.04, 0.06, 0.06, 0.05, 0.03, 0.0]
+            .map(q)
+            .into();
+        let wanted = [0.0, 0.01, 0.025, 0.025, 0.05, 0.06, 0.06, 0.04, 0.02, 0.0];
+        let rows: Vec<Pose> = wanted.iter().map(|a| model.forward(&q(*a))).collect();
+        let joints = along(&model, &rows, &points);
+        for (found, a) in joints.chunks(7).zip(wanted) {
+            assert!(
+                (found[0] - start[0] - a).abs() < 1e-5,
+                "{a}: {}",
+                found[0] - start[0]
+            );
+        }
     }
 }
