@@ -93,13 +93,17 @@ impl Journal {
     /// A journal in a file, and beside it, with the ending `mcap`, the same as a bag.
     ///
     /// # Errors
-    /// [`Error::Write`] when a file cannot be made.
+    /// [`Error::Write`] when a file cannot be made, [`Error::Value`] when both would be one file.
     pub fn create(path: &Path, bag: Option<Target>) -> Result<(Self, Writer), Error> {
         let name = path.display().to_string();
         let fail = |reason| Error::Write {
             path: name.clone(),
             reason,
         };
+        if bag.is_some() && path.extension().is_some_and(|ending| ending == "mcap") {
+            let bound = "another ending than mcap, which the bag beside it has";
+            return Err(Error::value("the command line", "--journal", name, bound));
+        }
         let file = BufWriter::new(File::create(path).map_err(fail)?);
         let bag = match bag {
             Some(target) => {
@@ -329,5 +333,11 @@ mod tests {
         let sent = lines[1]["sent"].as_f64().unwrap();
         assert!(sent >= before && sent <= unix());
         assert!(Journal::create(&folder.path().join("no/run.jsonl"), None).is_err());
+        let target = Target {
+            topic: "/a".into(),
+            frame: "b".into(),
+        };
+        let same = Journal::create(&folder.path().join("run.mcap"), Some(target));
+        assert!(same.unwrap_err().to_string().contains("another ending"));
     }
 }

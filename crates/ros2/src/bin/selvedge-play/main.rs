@@ -121,7 +121,8 @@ impl Run {
                         .unwrap_or("/pose".into()),
                     frame: self.choice.frame.clone(),
                 };
-                let (journal, writer) = Journal::create(&self.arguments.journal, Some(target))?;
+                let made = Journal::create(&self.arguments.journal, Some(target));
+                let (journal, writer) = setting(made)?;
                 let journal = match self.choice.arm.as_str() {
                     "record" => journal.waiting(),
                     _ => journal,
