@@ -135,6 +135,11 @@ fn arguments_of_ros_are_options_or_refused_by_name() {
             "motion 1: 5.50 s",
         ),
         (
+            &["--ros-args", "-p", "base:=3,0,0,0", "-p", "speed:=0.2"],
+            0,
+            "motion 1: 5.50 s",
+        ),
+        (
             &["--ros-args", "-p", "execute:=true"],
             2,
             "parameter execute: only --execute on the command line does that",

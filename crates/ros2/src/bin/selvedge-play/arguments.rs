@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
+use clap::ArgAction::Set;
 use clap::Parser;
 use selvedge_franka::{Arm, Placement};
 use selvedge_math::Jaw;
@@ -44,7 +45,7 @@ pub(crate) struct Arguments {
     /// Base of the arm in the log's frame: x,y,z,yaw [m, rad].
     #[arg(
         long,
-        value_delimiter = ',',
+        action = Set, value_delimiter = ',',
         num_args = 1,
         allow_hyphen_values = true,
         default_value = "0,0,0,0"
@@ -120,16 +121,16 @@ pub(crate) struct Arguments {
     /// Highest velocity, acceleration and jerk of the tip [m/s, m/s^2, m/s^3].
     #[arg(
         long,
-        value_delimiter = ',',
+        action = Set, value_delimiter = ',',
         num_args = 1,
         default_value = "0.25,1,100"
     )]
     limits: Vec<f64>,
     /// The same of its rotation [rad/s, rad/s^2, rad/s^3].
-    #[arg(long, value_delimiter = ',', num_args = 1, default_value = "0.5,2,200")]
+    #[arg(long, action = Set, value_delimiter = ',', num_args = 1, default_value = "0.5,2,200")]
     rotation_limits: Vec<f64>,
     /// Corners of the workspace in the base: x,y,z,x,y,z [m].
-    #[arg(long, value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
+    #[arg(long, action = Set, value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
     workspace: Option<Vec<f64>>,
     /// What to do when the gripper fails or is not there: wait, continue or abort.
     #[arg(long, default_value = "abort")]
