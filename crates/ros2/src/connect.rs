@@ -22,6 +22,7 @@ use crate::network::{Distro, Network};
 use crate::plan::Plan;
 use crate::report::Report;
 use crate::robot::Robot;
+use crate::security::only_topics;
 use crate::witness::Witness;
 
 /// Arms, and what is led when no name is given.
@@ -216,6 +217,9 @@ pub fn connect(
 ) -> Result<Robots, Error> {
     choice.check()?;
     jaws.check()?;
+    if network.security.is_some() {
+        only_topics(choice)?;
+    }
     if choice.arm == "record" {
         return Ok(Robots::recorded(plan, journal));
     }

@@ -27,6 +27,7 @@ use serde::de::DeserializeOwned;
 use crate::error::Error;
 use crate::names::Names;
 use crate::network::{Mapping, Network};
+use crate::security::Enclave;
 use crate::topic::{Watched, look};
 
 /// How often the network is looked at while waiting, and by the watcher.
@@ -86,6 +87,9 @@ impl Bus {
         if settings.loopback {
             builder = builder.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)]);
         }
+        if let Some(enclave) = &settings.security {
+            builder = secured(builder, enclave);
+        }
         let participant = builder
             .build()
             .map_err(|e| network("the DDS participant", e))?;
@@ -97,7 +101,9 @@ impl Bus {
         // mapping nobody would get an answer.
         let mut options = NodeOptions::new()
             .enable_rosout(false)
-            .start_parameter_services(settings.mapping == Mapping::Enhanced);
+            .start_parameter_services(
+                settings.mapping == Mapping::Enhanced && settings.security.is_none(),
+            );
         for (name, value) in parameters {
             options = options.declare_parameter(name, ParameterValue::String(value.clone()));
         }
@@ -269,6 +275,19 @@ impl Bus {
             .map_err(|e| network(name, e))?;
         Ok(Goals(client))
     }
+}
+
+#[cfg(feature = "security")]
+fn secured(builder: DomainParticipantBuilder, enclave: &Enclave) -> DomainParticipantBuilder {
+    use ros2_client::dds::rustdds::DomainParticipantSecurityConfigFiles as Files;
+    let files = Files::with_ros_default_names(enclave.folder(), String::new());
+    builder.builtin_security(files)
+}
+
+/// There is no enclave without the feature: its variables are refused.
+#[cfg(not(feature = "security"))]
+fn secured(builder: DomainParticipantBuilder, _: &Enclave) -> DomainParticipantBuilder {
+    builder
 }
 
 impl Drop for Bus {

@@ -11,7 +11,7 @@ use crate::run::{Job, Played, plan, seven};
 
 /// What was received is what was sent, but for the first samples of the prelude, and what was sent in
 /// each motion is the spline of the log.
-fn the_stream_is_the_spline(played: &Played, timed: bool) {
+pub(crate) fn the_stream_is_the_spline(played: &Played, timed: bool) {
     let period = played.period;
     let sent: Vec<&Value> = played
         .lines
@@ -189,7 +189,7 @@ fn rows() -> Value {
 }
 
 /// The goals of an arm are the plan's trajectories: names, places, times.
-fn trajectories(played: &Played, action: &str, skip: usize) {
+pub(crate) fn trajectories(played: &Played, action: &str, skip: usize) {
     let plan = &played.plan;
     let model = Arm::fr3();
     let goals = played.goals().iter().filter(|goal| goal[0] == action);
