@@ -42,7 +42,7 @@ pub(crate) type RequestId = RmwRequestId;
 /// Our node.
 pub(crate) struct Bus {
     node: Node,
-    participant: DomainParticipant,
+    peers: Peers,
     mapping: ServiceMapping,
     names: Names,
     watched: Arc<Mutex<Vec<Watched>>>,
@@ -127,11 +127,15 @@ impl Bus {
         let watched: Arc<Mutex<Vec<Watched>>> = Arc::default();
         let over = Arc::new(AtomicBool::new(false));
         let (list, end) = (Arc::clone(&watched), Arc::clone(&over));
-        let peers = Peers(participant.clone());
+        let peers = Peers {
+            participant,
+            mapping: settings.mapping,
+        };
+        let others = peers.clone();
         thread("watcher")
             .spawn(move || {
                 while !end.load(Ordering::Relaxed) {
-                    look(&peers, &list);
+                    look(&others, &list);
                     std::thread::sleep(LOOK);
                 }
             })
@@ -142,7 +146,7 @@ impl Bus {
         };
         Ok(Self {
             node,
-            participant,
+            peers,
             mapping,
             names: names.clone(),
             watched,
@@ -153,12 +157,12 @@ impl Bus {
 
     /// Any identity of this program.
     pub(crate) fn id(&self) -> Id {
-        Id(self.participant.guid().to_bytes())
+        Id(self.peers.participant.guid().to_bytes())
     }
 
     /// Who is there.
     pub(crate) fn peers(&self) -> Peers {
-        Peers(self.participant.clone())
+        self.peers.clone()
     }
 
     /// A name as the network has it, with namespace and remaps.
@@ -317,13 +321,35 @@ pub(crate) struct Peer {
     pub(crate) type_name: String,
 }
 
+/// What programs are known to make of the first two bytes of their identities, which are those of the
+/// vendor of their DDS (RTPS 2.2 and later, 9.3.1.5).
+const MAKES: [([u8; 2], &str, Mapping); 3] = [
+    ([0x01, 0x0f], "Fast DDS", Mapping::Enhanced),
+    ([0x01, 0x10], "Cyclone DDS", Mapping::Cyclone),
+    ([0x01, 0x01], "Connext", Mapping::Enhanced),
+];
+
+impl Peer {
+    /// Whose DDS it is, and how that RMW tells requests apart; nothing for one that is not known.
+    pub(crate) fn make(&self) -> Option<(&'static str, Mapping)> {
+        let known = MAKES
+            .iter()
+            .find(|(vendor, ..)| self.id.0.starts_with(vendor));
+        known.map(|(_, name, mapping)| (*name, *mapping))
+    }
+}
+
 /// Who is on the network.
 #[derive(Clone)]
-pub(crate) struct Peers(DomainParticipant);
+pub(crate) struct Peers {
+    participant: DomainParticipant,
+    /// How we tell requests apart.
+    pub(crate) mapping: Mapping,
+}
 
 impl Peers {
     pub(crate) fn readers(&self) -> Vec<Peer> {
-        let found = self.0.discovered_readers().into_iter();
+        let found = self.participant.discovered_readers().into_iter();
         found
             .map(|r| Peer {
                 id: Id(r.reader_proxy.remote_reader_guid.to_bytes()),
@@ -334,7 +360,7 @@ impl Peers {
     }
 
     pub(crate) fn writers(&self) -> Vec<Peer> {
-        let found = self.0.discovered_writers().into_iter();
+        let found = self.participant.discovered_writers().into_iter();
         found
             .map(|w| Peer {
                 id: Id(w.publication_topic_data.key.to_bytes()),

@@ -12,6 +12,16 @@ pub enum Mapping {
     Cyclone,
 }
 
+impl Mapping {
+    /// The RMW that has it.
+    pub fn rmw(self) -> &'static str {
+        match self {
+            Self::Enhanced => "rmw_fastrtps_cpp",
+            Self::Cyclone => "rmw_cyclonedds_cpp",
+        }
+    }
+}
+
 /// Whose messages MoveIt has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Distro {

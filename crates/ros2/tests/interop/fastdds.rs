@@ -111,15 +111,18 @@ fn a_stop_cancels_the_goal_on_fast_dds() {
 }
 
 #[test]
-fn another_mapping_than_that_of_fast_dds_gets_no_answer() {
-    let name = "another_mapping_than_that_of_fast_dds_gets_no_answer";
+fn fast_dds_is_not_asked_as_cyclone_would_be() {
+    // It would take the header for the goal's id, and what follows for the places.
+    let name = "fast_dds_is_not_asked_as_cyclone_would_be";
     let mut job = job(name, "cartesian", json!({}));
     job.mapping = Mapping::Cyclone;
     let Some(played) = job.play() else { return };
     let cause = played.cause();
+    assert!(cause.contains("is served by Fast DDS"), "{cause}");
     assert!(
-        cause.contains("/gripper send_goal did not answer"),
+        cause.ends_with("RMW_IMPLEMENTATION must be rmw_fastrtps_cpp"),
         "{cause}"
     );
     assert_eq!(played.goals(), [] as [Value; 0]);
+    assert_eq!(played.got["poses"], json!([]));
 }

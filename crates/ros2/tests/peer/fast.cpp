@@ -181,7 +181,9 @@ int cancels = 0;
 std::string number(double value) {
     char text[32];
     std::snprintf(text, sizeof text, "%.17g", value);
-    return text;
+    // A whole number is one of reals all the same.
+    bool whole = std::string(text).find_first_of(".en") == std::string::npos;
+    return text + std::string(whole ? ".0" : "");
 }
 std::string list(const std::vector<std::string>& all) {
     std::string text = "[";
