@@ -2,6 +2,7 @@
 
 pub(crate) mod cartesian;
 pub(crate) mod joints;
+pub(crate) mod layout;
 pub(crate) mod moveit;
 pub(crate) mod servo;
 

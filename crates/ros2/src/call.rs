@@ -4,7 +4,6 @@ use std::time::{Duration, Instant};
 
 use crate::dds::{Bus, Kind, Message, Peer, Peers, RequestId, Service};
 use crate::error::{Cause, Error};
-
 use crate::topic::{SETTLE, wait};
 
 /// How often a request that was not answered is repeated, at most.

@@ -50,6 +50,15 @@ impl Clock {
 
     /// The stamp of what is sent now; never zero.
     pub(crate) fn now(&self) -> Result<Time, Cause> {
+        self.within(self.0.as_ref().map_or(0.0, |sim| sim.stale))
+    }
+
+    /// The same when the clock may stand still: what brings a robot to rest must go out.
+    pub(crate) fn last(&self) -> Result<Time, Cause> {
+        self.within(f64::INFINITY)
+    }
+
+    fn within(&self, most: f64) -> Result<Time, Cause> {
         let Some(sim) = &self.0 else {
             return Ok(Time::now());
         };
@@ -62,7 +71,7 @@ impl Clock {
         match &*newest {
             Some((time, at)) if (time.sec, time.nanosec) > (0, 0) => {
                 let age = at.elapsed().as_secs_f64();
-                if age > sim.stale {
+                if age > most {
                     return Err(stale(age));
                 }
                 Ok(time.clone())

@@ -4,7 +4,8 @@ use selvedge_franka::Arm as Model;
 
 use crate::arm::cartesian::Cartesian;
 use crate::arm::joints::{Follow, Trajectories};
-use crate::arm::moveit::{Group, Humble, Jazzy, Layout, MoveIt};
+use crate::arm::layout::{Humble, Jazzy, Layout};
+use crate::arm::moveit::{Group, MoveIt};
 use crate::arm::servo::Servo;
 use crate::arm::{Arm, Recorded, Sink, Stream};
 use crate::clock::Clock;
@@ -204,8 +205,8 @@ pub fn show(
 /// Joins the network and makes clients for a robot; it need not be there yet.
 ///
 /// # Errors
-/// [`Error::Value`] for a backend or a name that there is not, [`Error::Network`] when the network
-/// cannot be used.
+/// [`Error::Value`] for a backend or a name that there is not, and for `record`, which is
+/// [`Robots::recorded`]; [`Error::Network`] when the network cannot be used.
 pub fn connect(
     network: &Network,
     names: &Names,
@@ -219,9 +220,6 @@ pub fn connect(
     jaws.check()?;
     if network.security.is_some() {
         only_topics(choice)?;
-    }
-    if choice.arm == "record" {
-        return Ok(Robots::recorded(plan, journal));
     }
     let mut bus = Bus::new(network, names, &choice.parameters, choice.patience)?;
     let robots = robots(&mut bus, choice, model, plan, jaws, journal)?;
@@ -269,7 +267,11 @@ fn robots(
             moveit::<Jazzy>(bus, name, choice, model, plan, robot, journal)?
         }
         ("servo", _) => stream(Servo::new(bus, name, frame, robot)?, plan, journal),
-        _ => stream(Cartesian::new(bus, name, frame, robot)?, plan, journal),
+        ("cartesian", _) => stream(Cartesian::new(bus, name, frame, robot)?, plan, journal),
+        (other, _) => {
+            let bound = "one that is on the network";
+            return Err(Error::value("the command line", "--arm", other, bound));
+        }
     };
     let default = find("--gripper", &choice.gripper, &GRIPPERS)?;
     let name = choice.gripper_name.as_deref().unwrap_or(default);

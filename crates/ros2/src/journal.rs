@@ -60,6 +60,7 @@ pub struct Target {
 pub struct Journal {
     sender: Option<SyncSender<Record>>,
     shared: Arc<Shared>,
+    waits: bool,
 }
 
 #[derive(Debug, Default)]
@@ -85,19 +86,24 @@ impl Journal {
         Self {
             sender: None,
             shared: Arc::default(),
+            waits: false,
         }
     }
 
     /// A journal in a file, and beside it, with the ending `mcap`, the same as a bag.
     ///
     /// # Errors
-    /// [`Error::Write`] when a file cannot be made.
+    /// [`Error::Write`] when a file cannot be made, [`Error::Value`] when both would be one file.
     pub fn create(path: &Path, bag: Option<Target>) -> Result<(Self, Writer), Error> {
         let name = path.display().to_string();
         let fail = |reason| Error::Write {
             path: name.clone(),
             reason,
         };
+        if bag.is_some() && path.extension().is_some_and(|ending| ending == "mcap") {
+            let bound = "another ending than mcap, which the bag beside it has";
+            return Err(Error::value("the command line", "--journal", name, bound));
+        }
         let file = BufWriter::new(File::create(path).map_err(fail)?);
         let bag = match bag {
             Some(target) => {
@@ -114,6 +120,7 @@ impl Journal {
         let journal = Self {
             sender: Some(sender),
             shared: Arc::default(),
+            waits: false,
         };
         let thread = std::thread::Builder::new()
             .name("journal".into())
@@ -125,6 +132,15 @@ impl Journal {
             path: name,
         };
         Ok((journal, writer))
+    }
+
+    /// One that waits when the file is slow, and so drops nothing: for a run whose time is only counted.
+    #[must_use]
+    pub fn waiting(self) -> Self {
+        Self {
+            waits: true,
+            ..self
+        }
     }
 
     /// A pose that is sent now; `t` is the time of the run [s].
@@ -182,9 +198,14 @@ impl Journal {
     }
 
     fn put(&self, record: Record) {
-        if let Some(sender) = &self.sender
-            && sender.try_send(record).is_err()
-        {
+        let Some(sender) = &self.sender else {
+            return;
+        };
+        let kept = match self.waits {
+            true => sender.send(record).is_ok(),
+            false => sender.try_send(record).is_ok(),
+        };
+        if !kept {
             self.shared.lost.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -312,5 +333,11 @@ mod tests {
         let sent = lines[1]["sent"].as_f64().unwrap();
         assert!(sent >= before && sent <= unix());
         assert!(Journal::create(&folder.path().join("no/run.jsonl"), None).is_err());
+        let target = Target {
+            topic: "/a".into(),
+            frame: "b".into(),
+        };
+        let same = Journal::create(&folder.path().join("run.mcap"), Some(target));
+        assert!(same.unwrap_err().to_string().contains("another ending"));
     }
 }

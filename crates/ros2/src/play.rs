@@ -94,7 +94,9 @@ pub fn play(
         stop,
         absent: false,
     };
-    run.prepare();
+    if catch_unwind(AssertUnwindSafe(|| run.prepare())).is_err() {
+        run.on(Event::Fault(panicked()));
+    }
     let started = Instant::now();
     let mut tick = 0u64;
     while !matches!(run.state, State::Stopped(_) | State::Finished) {
@@ -121,15 +123,18 @@ pub fn play(
             // Not even stopping works: the controllers' own time-outs have to.
             run.on(Event::Rest);
         } else {
-            let cause = Cause::Impossible {
-                what: "this program".into(),
-                value: "it panicked".into(),
-            };
-            run.on(Event::Fault(cause));
+            run.on(Event::Fault(panicked()));
             catch_unwind(AssertUnwindSafe(|| run.tick())).ok();
         }
     }
     run.state
+}
+
+fn panicked() -> Cause {
+    Cause::Impossible {
+        what: "this program".into(),
+        value: "it panicked".into(),
+    }
 }
 
 struct Run<'a> {
@@ -305,12 +310,14 @@ impl Run<'_> {
 
     /// Towards rest: what fails now changes nothing, but is told.
     fn stopping(&mut self) {
-        let arm = self.arm.poll(self.now).unwrap_or_else(|cause| {
-            self.journal
-                .event(self.now, "while stopping", cause.to_string());
-            true
-        });
-        let jaws = !self.cancelled || self.gripper.poll(self.now).unwrap_or(true);
+        let arm = self.arm.poll(self.now);
+        let arm = arm.unwrap_or_else(|cause| self.tell_failed(&cause));
+        if self.cancelled {
+            let jaws = self.gripper.poll(self.now);
+            let jaws = jaws.unwrap_or_else(|cause| self.tell_failed(&cause));
+            self.cancelled = !jaws;
+        }
+        let jaws = !self.cancelled;
         if arm && jaws {
             self.on(Event::Rest);
         } else if self.now - self.since > self.settings.give_up {
@@ -318,6 +325,13 @@ impl Run<'_> {
                 .event(self.now, "while stopping", "no answer; giving up");
             self.on(Event::Rest);
         }
+    }
+
+    /// Tells of what went wrong on the way to rest; there is no more to wait for.
+    fn tell_failed(&self, cause: &Cause) -> bool {
+        self.journal
+            .event(self.now, "while stopping", cause.to_string());
+        true
     }
 
     /// Changes the state, and does what belongs to the new one.

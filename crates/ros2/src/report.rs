@@ -104,6 +104,7 @@ impl Report {
     }
 }
 
+/// Without a time: RViz then shows it where the frame is now.
 fn message(plan: &Plan, frame: &str) -> Path {
     let frame_id = Name::new(frame);
     let header = || Header {

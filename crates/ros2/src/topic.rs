@@ -12,6 +12,9 @@ use crate::error::{Cause, Error};
 /// Between our match and theirs.
 pub(crate) const SETTLE: Duration = Duration::from_millis(300);
 
+/// How long after the first message others that publish the same may be found.
+const FOUND: Duration = Duration::from_secs(2);
+
 /// A topic whose peers the watcher looks at.
 pub(crate) struct Watched {
     topic: String,
@@ -26,8 +29,8 @@ struct Counts {
     readers: Mutex<Vec<Id>>,
     lost: AtomicBool,
     other_writers: AtomicUsize,
-    /// Those that wrote then.
-    writers: Mutex<Option<Vec<Id>>>,
+    /// Those that wrote until then.
+    writers: Mutex<Option<(Vec<Id>, Instant)>>,
     new_writer: AtomicBool,
 }
 
@@ -42,11 +45,15 @@ pub(crate) fn look(peers: &Peers, watched: &Mutex<Vec<Watched>>) {
         let other = |w: &&Peer| w.topic == *topic && !w.id.same_program(own);
         let others = writers.iter().filter(other).count();
         counts.other_writers.store(others, Ordering::Relaxed);
-        let known = counts.writers.lock().unwrap_or_else(|e| e.into_inner());
-        if let Some(known) = &*known {
-            let mut on = writers.iter().filter(other);
-            let new = on.any(|w| !known.contains(&w.id));
-            counts.new_writer.store(new, Ordering::Relaxed);
+        let mut known = counts.writers.lock().unwrap_or_else(|e| e.into_inner());
+        if let Some((known, until)) = &mut *known {
+            let on = writers.iter().filter(other).map(|w| w.id);
+            let new: Vec<Id> = on.filter(|id| !known.contains(id)).collect();
+            if Instant::now() < *until {
+                known.extend(new);
+            } else {
+                counts.new_writer.store(!new.is_empty(), Ordering::Relaxed);
+            }
         }
     }
 }
@@ -55,7 +62,6 @@ pub(crate) fn look(peers: &Peers, watched: &Mutex<Vec<Watched>>) {
 pub(crate) struct Writers {
     topic: String,
     counts: Arc<Counts>,
-    peers: Peers,
 }
 
 impl Writers {
@@ -67,25 +73,14 @@ impl Writers {
             own: bus.id(),
             counts: Arc::clone(&counts),
         });
-        let peers = bus.peers();
-        Ok(Self {
-            topic,
-            counts,
-            peers,
-        })
+        Ok(Self { topic, counts })
     }
 
-    /// Takes those that write now for the right ones.
+    /// Takes those that write now, or are found soon, for the right ones: several may tell of a robot.
     pub(crate) fn know(&self) {
-        let dds_name = format!("rt{}", self.topic);
-        let writers = self.peers.writers().into_iter();
-        let on = writers.filter(|peer| peer.topic == dds_name);
-        let mut known = self
-            .counts
-            .writers
-            .lock()
-            .unwrap_or_else(|e| e.into_inner());
-        *known = Some(on.map(|peer| peer.id).collect());
+        let writers = &self.counts.writers;
+        let mut known = writers.lock().unwrap_or_else(|e| e.into_inner());
+        *known = Some((Vec::new(), Instant::now() + FOUND));
         self.counts.new_writer.store(false, Ordering::Relaxed);
     }
 

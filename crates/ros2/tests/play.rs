@@ -338,6 +338,75 @@ fn a_failing_gripper_is_a_matter_of_the_policy() {
     }
 }
 
+/// A gripper that is not there a number of times, or whose finding panics.
+struct Absent {
+    times: usize,
+    panics: bool,
+    commands: usize,
+}
+
+impl Gripper for Absent {
+    fn prepare(&mut self) -> Result<(), Cause> {
+        assert!(!self.panics, "on purpose");
+        if self.times == 0 {
+            return Ok(());
+        }
+        self.times -= 1;
+        Err(Cause::Absent {
+            name: "/gripper".into(),
+            seconds: 1.0,
+        })
+    }
+    fn command(&mut self, _now: f64, _jaw: Jaw) -> Result<(), Cause> {
+        self.commands += 1;
+        Ok(())
+    }
+    fn poll(&mut self, _now: f64) -> Result<bool, Cause> {
+        Ok(true)
+    }
+    fn cancel(&mut self, _now: f64) {}
+}
+
+#[test]
+fn a_missing_gripper_is_a_matter_of_the_policy() {
+    let plan = plan();
+    let absent = Cause::Absent {
+        name: "/gripper".into(),
+        seconds: 1.0,
+    };
+    let panicked = Cause::Impossible {
+        what: "this program".into(),
+        value: "it panicked".into(),
+    };
+    for (policy, panics, asked, end, commands) in [
+        (Policy::Abort, false, false, State::Stopped(absent), 0),
+        (Policy::Continue, false, false, State::Finished, 0),
+        (Policy::Wait, false, false, State::Finished, 3),
+        (Policy::Wait, false, true, State::Stopped(Cause::Signal), 0),
+        (Policy::Abort, true, false, State::Stopped(panicked), 0),
+    ] {
+        let start = Recorded::at(plan.start());
+        let mut arm = Stream::new(start, plan.limits, Journal::none());
+        let mut jaws = Absent {
+            times: 3,
+            panics,
+            commands: 0,
+        };
+        let settings = Settings {
+            policy,
+            ..counted()
+        };
+        let stop = AtomicBool::new(asked);
+        let journal = Journal::none();
+        let ended = play(&plan, &mut arm, &mut jaws, &settings, &stop, &journal);
+        assert_eq!((ended, jaws.commands), (end, commands), "{policy:?}");
+        assert_eq!(
+            arm.sink().sent.is_empty(),
+            commands == 0 && policy != Policy::Continue
+        );
+    }
+}
+
 #[test]
 fn a_late_loop_is_stopped() {
     let plan = plan();

@@ -52,7 +52,7 @@ impl Sink for Cartesian {
 
     fn send(&mut self, pose: &Pose) -> Result<(), Cause> {
         let header = Header {
-            stamp: self.robot.clock.now()?,
+            stamp: self.robot.clock.last()?,
             frame_id: self.frame.clone(),
         };
         self.out.put(PoseStamped {
@@ -65,6 +65,7 @@ impl Sink for Cartesian {
 
     fn watch(&mut self) -> Result<(), Cause> {
         self.out.check()?;
+        self.robot.clock.now()?;
         let (Some(sent), Some(witness)) = (&self.sent, self.robot.witness()) else {
             return Ok(());
         };

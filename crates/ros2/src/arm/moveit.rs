@@ -8,182 +8,25 @@ use std::sync::Arc;
 use selvedge_franka::{Arm as Model, Rates, usage};
 use selvedge_math::Pose;
 
-use crate::arm::joints::{Execute, Trajectories, no_multi_dof};
+use crate::arm::joints::Trajectories;
+use crate::arm::layout::{Answer, Ask, Layout};
 use crate::arm::{Arm, Measured};
 use crate::call::Call;
-use crate::dds::{Bus, Kind, Message};
+use crate::dds::Bus;
 use crate::error::{Cause, Error};
 use crate::journal::Journal;
 use crate::limits::angle;
-use crate::messages::moveit::{
-    CartesianPathHumble, CartesianPathJazzy, CartesianReplyHumble, CartesianReplyJazzy,
-    ExecuteHumble, ExecuteJazzy, ExecuteState, ExecutedHumble, ExecutedJazzy, NoConstraints,
-    NoMultiDofState, RobotState, RobotTrajectory, code,
-};
-use crate::messages::{self, Header, JointState, JointTrajectory, Name, Nothing};
+use crate::messages::moveit::{NoMultiDofState, RobotState, code};
+use crate::messages::{self, Header, JointState, Name, Nothing};
 use crate::robot::Robot;
 use crate::segment::Segment;
 
-/// How far apart MoveIt's points may be [m].
-const MAX_STEP: f64 = 0.005;
 /// How far a joint may be from one of MoveIt's points to the next [rad].
 const JUMP: f64 = 0.2;
 /// How far MoveIt's path may be from ours [m], [rad].
 const OFF: (f64, f64) = (0.001, 0.01);
 /// What counts as the same pose when waypoints are chosen [m], [rad].
 const SAME: (f64, f64) = (1e-4, 1e-3);
-
-/// What is asked of MoveIt for a motion.
-pub(crate) struct Ask {
-    header: Header,
-    start_state: RobotState,
-    group_name: String,
-    link_name: String,
-    waypoints: Vec<messages::Pose>,
-}
-
-/// What it answers.
-pub(crate) struct Answer {
-    solution: JointTrajectory,
-    fraction: f64,
-    code: i32,
-    text: String,
-}
-
-/// The messages of a distribution.
-pub(crate) trait Layout: Execute {
-    type Request: Message + Clone + 'static;
-    type Reply: Message + 'static;
-    fn request(ask: Ask) -> Self::Request;
-    fn answer(reply: Self::Reply) -> Answer;
-}
-
-const EXECUTE: Kind = ("moveit_msgs", "ExecuteTrajectory");
-
-fn whole(joint_trajectory: JointTrajectory) -> RobotTrajectory {
-    RobotTrajectory {
-        joint_trajectory,
-        multi_dof_joint_trajectory: no_multi_dof(),
-    }
-}
-
-fn free() -> NoConstraints {
-    NoConstraints {
-        name: String::new(),
-        joint_constraints: Nothing,
-        position_constraints: Nothing,
-        orientation_constraints: Nothing,
-        visibility_constraints: Nothing,
-    }
-}
-
-/// MoveIt of Humble.
-pub(crate) struct Humble;
-
-impl Execute for Humble {
-    type Goal = ExecuteHumble;
-    type Result = ExecutedHumble;
-    type Feedback = ExecuteState;
-    const KIND: Kind = EXECUTE;
-
-    fn goal(trajectory: JointTrajectory) -> ExecuteHumble {
-        ExecuteHumble {
-            trajectory: whole(trajectory),
-        }
-    }
-
-    fn outcome(result: ExecutedHumble) -> (bool, String) {
-        let val = result.error_code.val;
-        (val == 1, format!("code {val}, {}", code(val)))
-    }
-}
-
-impl Layout for Humble {
-    type Request = CartesianPathHumble;
-    type Reply = CartesianReplyHumble;
-
-    fn request(ask: Ask) -> CartesianPathHumble {
-        CartesianPathHumble {
-            header: ask.header,
-            start_state: ask.start_state,
-            group_name: ask.group_name,
-            link_name: ask.link_name,
-            waypoints: ask.waypoints,
-            max_step: MAX_STEP,
-            jump_threshold: 0.0,
-            prismatic_jump_threshold: 0.0,
-            revolute_jump_threshold: 0.0,
-            avoid_collisions: true,
-            path_constraints: free(),
-        }
-    }
-
-    fn answer(reply: CartesianReplyHumble) -> Answer {
-        Answer {
-            solution: reply.solution.joint_trajectory,
-            fraction: reply.fraction,
-            code: reply.error_code.val,
-            text: String::new(),
-        }
-    }
-}
-
-/// MoveIt of Jazzy and later.
-pub(crate) struct Jazzy;
-
-impl Execute for Jazzy {
-    type Goal = ExecuteJazzy;
-    type Result = ExecutedJazzy;
-    type Feedback = ExecuteState;
-    const KIND: Kind = EXECUTE;
-
-    fn goal(trajectory: JointTrajectory) -> ExecuteJazzy {
-        ExecuteJazzy {
-            trajectory: whole(trajectory),
-            controller_names: Vec::new(),
-        }
-    }
-
-    fn outcome(result: ExecutedJazzy) -> (bool, String) {
-        let error = result.error_code;
-        let (val, message) = (error.val, error.message);
-        (val == 1, format!("code {val}, {}: {message}", code(val)))
-    }
-}
-
-impl Layout for Jazzy {
-    type Request = CartesianPathJazzy;
-    type Reply = CartesianReplyJazzy;
-
-    fn request(ask: Ask) -> CartesianPathJazzy {
-        CartesianPathJazzy {
-            header: ask.header,
-            start_state: ask.start_state,
-            group_name: ask.group_name,
-            link_name: ask.link_name,
-            waypoints: ask.waypoints,
-            max_step: MAX_STEP,
-            jump_threshold: 0.0,
-            prismatic_jump_threshold: 0.0,
-            revolute_jump_threshold: 0.0,
-            avoid_collisions: true,
-            path_constraints: free(),
-            max_velocity_scaling_factor: 1.0,
-            max_acceleration_scaling_factor: 1.0,
-            cartesian_speed_limited_link: String::new(),
-            max_cartesian_speed: 0.0,
-        }
-    }
-
-    fn answer(reply: CartesianReplyJazzy) -> Answer {
-        Answer {
-            solution: reply.solution.joint_trajectory,
-            fraction: reply.fraction,
-            code: reply.error_code.val,
-            text: reply.error_code.message,
-        }
-    }
-}
 
 /// Names that MoveIt asks for.
 #[derive(Clone, Debug)]
@@ -208,7 +51,7 @@ pub(crate) struct MoveIt<L: Layout> {
 }
 
 impl<L: Layout> MoveIt<L> {
-    /// `root` is the namespace of `move_group`, `/` or empty for none.
+    /// `root` is the namespace of `move_group`, empty for our own.
     pub(crate) fn new(
         bus: &mut Bus,
         root: &str,
@@ -218,9 +61,8 @@ impl<L: Layout> MoveIt<L> {
         robot: Robot,
         journal: Journal,
     ) -> Result<Self, Error> {
-        let root = root.trim_end_matches('/');
-        let path = format!("{root}/compute_cartesian_path");
-        let execute = format!("{root}/execute_trajectory");
+        let path = under(root, "compute_cartesian_path");
+        let execute = under(root, "execute_trajectory");
         Ok(Self {
             path: Call::new(bus, &path, ("moveit_msgs", "GetCartesianPath"))?,
             execute: Trajectories::new(bus, &execute, joint_names, robot, journal)?,
@@ -310,6 +152,14 @@ impl<L: Layout> MoveIt<L> {
             )),
             None => Ok(joints),
         }
+    }
+}
+
+/// A name in a namespace.
+fn under(root: &str, name: &str) -> String {
+    match root {
+        "" => name.into(),
+        root => format!("{}/{name}", root.trim_end_matches('/')),
     }
 }
 
@@ -466,5 +316,59 @@ impl<L: Layout> Arm for MoveIt<L> {
 
     fn stop(&mut self, now: f64) {
         self.execute.stop(now);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use selvedge_math::{DQuat, DVec3};
+
+    #[test]
+    fn names_are_in_a_namespace_or_relative_to_ours() {
+        assert_eq!(under("", "a"), "a");
+        assert_eq!(under("/", "a"), "/a");
+        assert_eq!(under("/left/", "a"), "/left/a");
+    }
+
+    #[test]
+    fn waypoints_are_poses_that_differ_and_end_at_the_end() {
+        let at = |x: f64| Pose::from_translation(DVec3::X * x);
+        let rows = [0.0, 0.0, 5e-5, 2e-4, 2.5e-4, 1e-3, 1.02e-3, 1.02e-3];
+        let rows: Vec<Pose> = rows.into_iter().map(at).collect();
+        assert_eq!(waypoints(&rows), [at(2e-4), at(1.02e-3)]);
+        assert!(waypoints(&[at(0.0); 4]).is_empty());
+        // A turn on the spot is a way, too.
+        let turned = Pose::from_unit(DVec3::ZERO, DQuat::from_rotation_z(0.01));
+        assert_eq!(waypoints(&[at(0.0), turned]), [turned]);
+    }
+
+    #[test]
+    fn rows_get_their_places_on_a_path_that_goes_there_and_back() {
+        let model = Model::fr3();
+        let start: Vec<f64> = model
+            .joints()
+            .iter()
+            .map(|j| 0.5 * (j.limits.lower + j.limits.upper))
+            .collect();
+        // The first joint goes out and back; rows dwell in the middle and at the turn.
+        let q = |a: f64| {
+            let mut q = start.clone();
+            q[0] += a;
+            q
+        };
+        let points: Vec<Vec<f64>> = [0.0, 0.0, 0.02, 0.04, 0.06, 0.06, 0.05, 0.03, 0.0]
+            .map(q)
+            .into();
+        let wanted = [0.0, 0.01, 0.025, 0.025, 0.05, 0.06, 0.06, 0.04, 0.02, 0.0];
+        let rows: Vec<Pose> = wanted.iter().map(|a| model.forward(&q(*a))).collect();
+        let joints = along(&model, &rows, &points);
+        for (found, a) in joints.chunks(7).zip(wanted) {
+            assert!(
+                (found[0] - start[0] - a).abs() < 1e-5,
+                "{a}: {}",
+                found[0] - start[0]
+            );
+        }
     }
 }

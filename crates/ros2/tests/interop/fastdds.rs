@@ -64,7 +64,7 @@ fn trajectories_reach_fast_dds_and_end_as_it_says() {
         return;
     };
     assert_eq!(played.end, State::Finished);
-    trajectories(&played, action, 1);
+    trajectories(&played, action, 1e-8);
     for (how, text) in [
         ("abort", "ended as Aborted"),
         ("reject", "rejected the goal"),

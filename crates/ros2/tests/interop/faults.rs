@@ -3,14 +3,14 @@
 use selvedge_ros2::error::Cause;
 use selvedge_ros2::network::Mapping;
 use selvedge_ros2::state::State;
-use serde_json::json;
+use serde_json::{Value, json};
 
-use crate::run::Job;
+use crate::run::{Job, all};
 
 #[test]
 fn a_peer_that_goes_or_intrudes_stops_the_arm_at_rest() {
     let name = "a_peer_that_goes_or_intrudes_stops_the_arm_at_rest";
-    for (told, again, text) in [
+    let cases = [
         (
             json!({"second_after": 700}),
             false,
@@ -31,21 +31,28 @@ fn a_peer_that_goes_or_intrudes_stops_the_arm_at_rest() {
             false,
             "the measured state is 0.4",
         ),
-        // It comes again, but the run is over.
+        // It comes again, but is another; and one that tells the state besides the first.
         (
             json!({"kill_after": 700}),
             true,
-            "the measured state is 0.4",
+            "somebody new publishes /joint_states",
         ),
-    ] {
-        let mut job = Job::new(name, "cartesian", "gripper-command");
-        job.again = again;
-        if again {
+        (
+            json!({"impostor_after": 700}),
+            false,
+            "somebody new publishes /joint_states",
+        ),
+    ];
+    let job = |(told, again, _): &(Value, bool, &str)| {
+        let mut job = Job::new(name, "cartesian", "gripper-command").told(told.clone());
+        job.again = *again;
+        if *again {
             job.settings.stale = 5.0;
         }
-        let Some(played) = job.told(told.clone()).play() else {
-            return;
-        };
+        job
+    };
+    let all = all(cases.iter().map(job).collect());
+    for (played, (told, _, text)) in all.iter().zip(&cases) {
         let cause = played.cause();
         assert!(cause.starts_with(text), "{told}: {cause}");
         played.rests();
@@ -120,6 +127,8 @@ fn a_robot_that_comes_after_six_seconds_is_found() {
     job.late = 6.5;
     let Some(played) = job.play() else { return };
     assert_eq!(played.end, State::Finished);
+    // The path was published before it came, and waits for it.
+    assert_eq!(played.got["paths"].as_array().unwrap().len(), 1);
     // No sample of a motion is lost.
     let (sent, got) = (
         played.sent().len(),

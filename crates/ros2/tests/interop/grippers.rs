@@ -4,13 +4,13 @@ use selvedge_ros2::play::Policy;
 use selvedge_ros2::state::State;
 use serde_json::{Value, json};
 
-use crate::run::{Job, plan};
+use crate::run::{Job, all, plan};
 
 #[test]
 fn every_gripper_is_told_in_its_own_words_and_in_order() {
     let name = "every_gripper_is_told_in_its_own_words_and_in_order";
     let finger = |q: f64| json!([["finger"], [q], [], [20.0]]);
-    for (gripper, expected) in [
+    let cases = [
         (
             "franka",
             json!([
@@ -28,28 +28,30 @@ fn every_gripper_is_told_in_its_own_words_and_in_order() {
                 ["/parallel", finger(0.04)]
             ]),
         ),
-    ] {
+    ];
+    let job = |(gripper, _): &(&str, Value)| {
         let mut job = Job::new(name, "joints", gripper);
-        job.jaws.homing = gripper == "franka";
-        let Some(played) = job.play() else { return };
+        job.jaws.homing = *gripper == "franka";
+        job
+    };
+    let played = all(cases.iter().map(job).collect());
+    for (played, (gripper, expected)) in played.iter().zip(&cases) {
         assert_eq!(played.end, State::Finished, "{gripper}");
-        let told = played
-            .goals()
-            .iter()
-            .filter(|goal| goal[0] != "/arm/follow_joint_trajectory");
+        let told = played.goals().iter();
+        let told = told.filter(|goal| goal[0] != "/arm/follow_joint_trajectory");
         let told: Vec<[&Value; 2]> = told.map(|goal| [&goal[0], &goal[1]]).collect();
-        assert_eq!(json!(told), expected);
+        assert_eq!(json!(told), *expected);
     }
-    for gripper in ["bool", "set-bool"] {
-        let played = Job::new(name, "cartesian", gripper).play().unwrap();
-        assert_eq!(played.end, State::Finished, "{gripper}");
+    let switches = ["bool", "set-bool"].map(|gripper| Job::new(name, "cartesian", gripper));
+    for played in all(switches.into()) {
+        assert_eq!(played.end, State::Finished);
         let calls = played.got["calls"].as_array().unwrap();
         let told: Vec<&Value> = calls.iter().map(|call| &call[1]).collect();
-        assert_eq!(json!(told), json!([false, true, false]), "{gripper}");
+        assert_eq!(json!(told), json!([false, true, false]));
         // The arm waits for jaws that tell nothing: 0.2 s at rest after each.
         let poses = played.got["poses"].as_array().unwrap();
         let at = calls[1][2].as_u64().unwrap() as usize;
-        assert_eq!(poses[at], poses[at + 40], "{gripper}");
+        assert_eq!(poses[at], poses[at + 40]);
     }
 }
 
@@ -77,7 +79,7 @@ fn jaws_that_stall_on_a_cloth_are_closed_and_jaws_that_stall_when_they_open_are_
 #[test]
 fn a_gripper_that_fails_stops_the_arm_with_the_reason() {
     let name = "a_gripper_that_fails_stops_the_arm_with_the_reason";
-    for (gripper, how, text) in [
+    let cases = [
         ("gripper-command", "reject", "/gripper rejected the goal"),
         ("gripper-command", "abort", "/gripper ended as Aborted"),
         (
@@ -98,16 +100,18 @@ fn a_gripper_that_fails_stops_the_arm_with_the_reason() {
         ),
         ("set-bool", "fail", "/close ended as refused: no air"),
         ("set-bool", "silent", "/close did not answer within 1 s"),
-    ] {
-        let mut job = Job::new(name, "cartesian", gripper);
+    ];
+    let job = |(gripper, how, _): &(&str, &str, &str)| {
+        let mut job = Job::new(name, "cartesian", gripper).told(json!({"gripper": how}));
         job.jaws.deadline = 1.0;
-        let Some(played) = job.told(json!({"gripper": how})).play() else {
-            return;
-        };
+        job
+    };
+    let all = all(cases.iter().map(job).collect());
+    for (played, (gripper, how, text)) in all.iter().zip(&cases) {
         let cause = played.cause();
         assert!(cause.starts_with(text), "{how}: {cause}");
         // One goal, however often it was asked for.
-        let expected = usize::from(!matches!(how, "reject" | "silent") && gripper != "set-bool");
+        let expected = usize::from(!matches!(*how, "reject" | "silent") && *gripper != "set-bool");
         assert_eq!(played.goals().len(), expected, "{how}");
         played.rests();
     }

@@ -251,6 +251,21 @@ impl Job {
     }
 }
 
+/// Plays two at a time, most of which is waiting; nothing where there is no peer.
+pub(crate) fn all(jobs: Vec<Job>) -> Vec<Played> {
+    let mut jobs = jobs.into_iter();
+    let mut played = Vec::new();
+    while let Some(first) = jobs.next() {
+        let second = jobs.next();
+        std::thread::scope(|scope| {
+            let beside = second.map(|job| scope.spawn(|| job.play()));
+            played.extend(first.play());
+            played.extend(beside.and_then(|beside| beside.join().unwrap()));
+        });
+    }
+    played
+}
+
 pub(crate) fn seven(value: &Value) -> [f64; 7] {
     let numbers = value.as_array().unwrap().iter();
     let numbers: Vec<f64> = numbers.map(|x| x.as_f64().unwrap()).collect();

@@ -73,12 +73,41 @@ fn stamps_are_those_of_the_clock_and_a_clock_that_stands_still_stops_the_arm() {
         "{stamps:?}"
     );
     assert!(stamps.is_sorted());
+    // What brings the arm to rest is sent all the same.
+    played.rests();
+    let poses = played.got["poses"].as_array().unwrap();
+    assert_eq!(
+        seven(&poses[poses.len() - 1]),
+        played.sent()[played.sent().len() - 1]
+    );
     // Without any clock nothing is sent.
     let mut run = Job::new(name, "cartesian", "none");
     run.choice.sim_time = true;
     let played = run.play().unwrap();
     assert_eq!(played.cause(), "/clock is inf s old, at most 0.5 s");
     assert_eq!(played.got["poses"], json!([]));
+}
+
+#[test]
+fn what_a_franka_says_of_itself_is_told_and_changes_nothing() {
+    let name = "what_a_franka_says_of_itself_is_told_and_changes_nothing";
+    let mut job = Job::new(name, "cartesian", "none");
+    job.choice.franka_state = Some("franka_robot_state".into());
+    let Some(played) = job.told(json!({"franka": true})).play() else {
+        return;
+    };
+    // Whoever stops the robot stops it: we only tell.
+    assert_eq!(played.end, State::Finished);
+    let told = played.lines.iter().filter(|line| line["event"] == "robot");
+    let told: Vec<&str> = told.map(|line| line["detail"].as_str().unwrap()).collect();
+    let reflex = "mode reflex, errors: communication_constraints_violation";
+    assert_eq!(told, ["mode move", reflex]);
+    let last = played.got["diagnostics"]
+        .as_array()
+        .unwrap()
+        .last()
+        .unwrap();
+    assert_eq!(last[2]["robot"], reflex);
 }
 
 #[test]

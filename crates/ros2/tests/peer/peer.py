@@ -76,6 +76,24 @@ if arm_kind == "joints":
 if arm_kind == "moveit":
     import moveit
     servers.append(moveit.start())
+# What a Franka says of itself; only mode and errors are told apart from zero.
+six, inertia = {"header": Header, "six": array[float64, 6]}, {"header": Header, "ten": array[float64, 10]}
+Six, Inertia = struct("Six", "geometry_msgs/msg/WrenchStamped", six), struct("Inertia", "geometry_msgs/msg/InertiaStamped", inertia)
+fields = [("header", Header), ("collisions", array[float64, 26]), *[(f"j{k}", JointState) for k in range(3)], ("dd", array[float64, 14]), ("tau", JointState), ("elbow", array[float64, 10]),
+          *[(f"w{k}", Six) for k in range(2)], *[(f"i{k}", Inertia) for k in range(3)], *[(f"p{k}", PoseStamped) for k in range(5)], *[(f"t{k}", Six) for k in range(3)],
+          ("time", float64), ("rate", float64), ("mode", uint8), ("errors", array[bool, 72])]
+FrankaState = struct("FrankaState", "franka_msgs/msg/FrankaRobotState", dict(fields))
+head = Header(Time(0, 0), "base")
+zero = {Header: head, JointState: JointState(head, ["a"], [0.0], [], []), Six: Six(head, [0.0] * 6), Inertia: Inertia(head, [0.0] * 10), PoseStamped: PoseStamped(head, [0.0] * 7)}
+
+
+def franka_state(mode, error):
+    errors = [k == error for k in range(72)]
+    numbers = {"collisions": [0.0] * 26, "dd": [0.0] * 14, "elbow": [0.0] * 10, "time": 0.0, "rate": 1.0, "mode": mode, "errors": errors}
+    return FrankaState(*[numbers[name] if name in numbers else zero[kind] for name, kind in fields])
+
+
+franka = writer("rt/franka_robot_state", FrankaState, best_effort=True) if "franka" in told else None
 prefix = told.get("prefix", "")
 servo = arm_kind == "servo"
 if servo:
@@ -114,8 +132,13 @@ def publish():
                 if goal["status"] == 4 and hasattr(goal["goal"], "trajectory"):
                     way = goal["goal"].trajectory
                     q = list(getattr(way, "joint_trajectory", way).points[-1].positions)
+        # As far as a robot is one that always stands where it is told to.
+        if "follow" in told and out["poses"]:
+            at = out["poses"][-1]
+            q = min(told["follow"], key=lambda row: sum((a - b) ** 2 for a, b in zip(row[0], at)))[1]
         if told.get("impossible"): q = [9.0] * len(q)
         joints.write(JointState(Header(now(), ""), told["names"] + ["fr3_finger_joint1"], q + [0.04], [], []))
+        if franka: franka.write(franka_state(2, None) if len(out["poses"]) < 200 else franka_state(4, 31))
         if current:
             p = pose_now()
             current.write(PoseStamped(Header(now(), told["frame"]), p))

@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
+use clap::ArgAction::Set;
 use clap::Parser;
 use selvedge_franka::{Arm, Placement};
 use selvedge_math::Jaw;
 use selvedge_ros2::connect::Choice;
+use selvedge_ros2::error::Error;
 use selvedge_ros2::gripper::jaws::Jaws;
 use selvedge_ros2::limits::Limits;
 use selvedge_ros2::names::{Names, Parameters};
@@ -43,7 +45,7 @@ pub(crate) struct Arguments {
     /// Base of the arm in the log's frame: x,y,z,yaw [m, rad].
     #[arg(
         long,
-        value_delimiter = ',',
+        action = Set, value_delimiter = ',',
         num_args = 1,
         allow_hyphen_values = true,
         default_value = "0,0,0,0"
@@ -119,16 +121,16 @@ pub(crate) struct Arguments {
     /// Highest velocity, acceleration and jerk of the tip [m/s, m/s^2, m/s^3].
     #[arg(
         long,
-        value_delimiter = ',',
+        action = Set, value_delimiter = ',',
         num_args = 1,
         default_value = "0.25,1,100"
     )]
     limits: Vec<f64>,
     /// The same of its rotation [rad/s, rad/s^2, rad/s^3].
-    #[arg(long, value_delimiter = ',', num_args = 1, default_value = "0.5,2,200")]
+    #[arg(long, action = Set, value_delimiter = ',', num_args = 1, default_value = "0.5,2,200")]
     rotation_limits: Vec<f64>,
     /// Corners of the workspace in the base: x,y,z,x,y,z [m].
-    #[arg(long, value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
+    #[arg(long, action = Set, value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
     workspace: Option<Vec<f64>>,
     /// What to do when the gripper fails or is not there: wait, continue or abort.
     #[arg(long, default_value = "abort")]
@@ -158,7 +160,7 @@ const BY_HAND: [&str; 3] = ["execute", "live", "preview"];
 
 /// Reads the command line with its ROS arguments.
 pub(crate) fn read() -> Result<(Arguments, Names, Parameters)> {
-    let (names, rest, parameters) = Names::from_arguments(std::env::args())?;
+    let (names, rest, parameters) = setting(Names::from_arguments(std::env::args()))?;
     let mut rest = rest.into_iter();
     let mut all: Vec<String> = rest.next().into_iter().collect();
     for (name, value) in &parameters {
@@ -175,7 +177,7 @@ pub(crate) fn read() -> Result<(Arguments, Names, Parameters)> {
     all.extend(rest);
     let arguments = Arguments::parse_from(all);
     let names = match &arguments.namespace {
-        Some(namespace) => names.within(namespace)?,
+        Some(namespace) => setting(names.within(namespace))?,
         None => names,
     };
     let mut shown = parameters;
@@ -190,6 +192,11 @@ pub(crate) fn read() -> Result<(Arguments, Names, Parameters)> {
         shown.push((name.into(), value));
     }
     Ok((arguments, names, shown))
+}
+
+/// What is wrong with a setting is no refusal of the log.
+pub(crate) fn setting<T>(made: Result<T, Error>) -> Result<T> {
+    made.map_err(|error| anyhow::anyhow!("{error}"))
 }
 
 fn numbers<const N: usize>(name: &str, values: &[f64]) -> Result<[f64; N]> {
@@ -281,11 +288,11 @@ impl Arguments {
             frames: self.tf,
             franka_state: self.franka_state.clone(),
             sim_time: self.use_sim_time,
-            distro: Distro::named(self.distro.as_deref(), get)?,
+            distro: setting(Distro::named(self.distro.as_deref(), get))?,
             patience: self.patience,
             parameters,
         };
-        choice.check()?;
+        setting(choice.check())?;
         Ok(choice)
     }
 }

@@ -22,7 +22,7 @@ use selvedge_ros2::play::play;
 use selvedge_ros2::state::State;
 use selvedge_trajectory::log::Log;
 
-use arguments::Arguments;
+use arguments::{Arguments, setting};
 
 fn main() -> ExitCode {
     match run() {
@@ -121,16 +121,23 @@ impl Run {
                         .unwrap_or("/pose".into()),
                     frame: self.choice.frame.clone(),
                 };
-                let (journal, writer) = Journal::create(&self.arguments.journal, Some(target))?;
+                let made = Journal::create(&self.arguments.journal, Some(target));
+                let (journal, writer) = setting(made)?;
+                let journal = match self.choice.arm.as_str() {
+                    "record" => journal.waiting(),
+                    _ => journal,
+                };
                 let line: Vec<String> = std::env::args().collect();
                 journal.event(0.0, "command line", line.join(" "));
                 let robots = if self.choice.arm == "record" {
                     Robots::recorded(&plan, &journal)
                 } else {
-                    let network = Network::from_environment(|name| std::env::var(name).ok())?;
+                    let network =
+                        setting(Network::from_environment(|name| std::env::var(name).ok()))?;
                     let (names, choice) = (&self.names, &self.choice);
                     let jaws = self.arguments.jaws();
-                    connect(&network, names, choice, &model, &plan, jaws, &journal)?
+                    let there = connect(&network, names, choice, &model, &plan, jaws, &journal);
+                    setting(there)?
                 };
                 (robots, journal, writer)
             }
@@ -143,7 +150,7 @@ impl Run {
     }
 
     fn preview(&self, plan: &Plan) -> Result<()> {
-        let network = Network::from_environment(|name| std::env::var(name).ok())?;
+        let network = setting(Network::from_environment(|name| std::env::var(name).ok()))?;
         let shown = show(&network, &self.names, &self.choice, plan)?;
         let topic = self.names.resolve("~/planned_path")?;
         println!("the path is on {topic} until Ctrl-C");
