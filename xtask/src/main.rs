@@ -15,6 +15,7 @@ mod report;
 mod scenes;
 mod show;
 mod simulators;
+mod soak;
 mod test;
 mod workspace;
 
@@ -43,6 +44,8 @@ enum Command {
     Scenes(scenes::Arguments),
     /// Run the folds of a scenario on other people's simulators, from Python, and tabulate them.
     Simulators(simulators::Arguments),
+    /// Send poses through the ROS 2 bridge for long, and look at losses, period and memory.
+    Soak(soak::Arguments),
     /// Run every test, doctest and example.
     Test(test::Arguments),
     /// Check which crate needs which, and where heavy packages are named.
@@ -59,6 +62,7 @@ fn main() -> ExitCode {
         Command::Show(arguments) => show::run(&arguments),
         Command::Scenes(arguments) => scenes::run(&arguments),
         Command::Simulators(arguments) => simulators::run(&arguments),
+        Command::Soak(arguments) => soak::run(&arguments),
         Command::Test(arguments) => test::run(&arguments),
         Command::Layers => layers::run(),
         Command::Ci => ci::run(),

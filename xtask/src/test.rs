@@ -66,6 +66,16 @@ pub(crate) fn steps(metadata: &Metadata, with_python: bool, report: &mut Report)
         Ok(Outcome::Passed)
     });
 
+    report.step("tests of a secured network", || {
+        let openssl = succeed(&mut command(metadata, "pkg-config", "--exists openssl"));
+        if openssl.is_err() {
+            return lacking("OpenSSL has no headers here (libssl-dev, pkg-config)");
+        }
+        let test = "test -p selvedge-ros2 --features security --test security --lib";
+        succeed(&mut command(metadata, "cargo", test))?;
+        Ok(Outcome::Passed)
+    });
+
     python_package(metadata, python.as_ref(), report);
 
     let mut examples = Vec::new();
@@ -78,6 +88,9 @@ pub(crate) fn steps(metadata: &Metadata, with_python: bool, report: &mut Report)
             let arguments = ARGUMENTS.iter().find(|(example, _)| *example == name);
             let arguments = arguments.map_or("", |(_, arguments)| arguments);
             let mut example = command(metadata, program.as_str(), "");
+            if let Some(python) = &python {
+                example.env("SELVEDGE_PYTHON", python);
+            }
             let target = metadata.target_directory.as_str();
             for argument in arguments.split_whitespace() {
                 example.arg(argument.replace("{target}", target));

@@ -2,21 +2,35 @@
 
 use std::time::{Duration, Instant};
 
-use crate::dds::{Bus, Kind, Message, Peers, RequestId, Service};
+use crate::dds::{Bus, Kind, Message, Peer, Peers, RequestId, Service};
 use crate::error::{Cause, Error};
 use crate::topic::{SETTLE, wait};
 
 /// How often a request that was not answered is repeated, at most.
 pub(crate) const AGAIN: Duration = Duration::from_millis(500);
 
-/// Waits until a service is there and knows us too.
+/// Waits until a service is there, and refuses one that tells requests apart in another way: it would not
+/// only stay silent. What is in front of a request of Cyclone, Fast DDS reads as the request itself, so that a
+/// gripper would be sent to places that nobody has named.
 pub(crate) fn served(peers: &Peers, name: &str, kind: &str, seconds: f64) -> Result<(), Cause> {
     let (package, last) = kind.split_once('/').unwrap_or_default();
     let of = |part: &str| format!("{package}::dds_::{last}_{part}_");
     let (request, reply) = (format!("rq{name}Request"), format!("rr{name}Reply"));
     wait(name, seconds, || peers.readers(), &request, &of("Request"))?;
     wait(name, seconds, || peers.writers(), &reply, &of("Response"))?;
-    Ok(())
+    let readers = peers.readers();
+    let servers = readers.iter().filter(|peer| peer.topic == request);
+    match servers
+        .filter_map(Peer::make)
+        .find(|(_, mapping)| *mapping != peers.mapping)
+    {
+        None => Ok(()),
+        Some((make, mapping)) => Err(Cause::Mapping {
+            name: name.into(),
+            make,
+            wanted: mapping.rmw(),
+        }),
+    }
 }
 
 /// A client of a service with one request at a time. What is asked may be asked twice: a request that

@@ -23,6 +23,7 @@ use crate::network::{Distro, Network};
 use crate::plan::Plan;
 use crate::report::Report;
 use crate::robot::Robot;
+use crate::security::only_topics;
 use crate::witness::Witness;
 
 /// Arms, and what is led when no name is given.
@@ -217,6 +218,9 @@ pub fn connect(
 ) -> Result<Robots, Error> {
     choice.check()?;
     jaws.check()?;
+    if network.security.is_some() {
+        only_topics(choice)?;
+    }
     let mut bus = Bus::new(network, names, &choice.parameters, choice.patience)?;
     let robots = robots(&mut bus, choice, model, plan, jaws, journal)?;
     Ok(Robots {

@@ -27,6 +27,7 @@ use serde::de::DeserializeOwned;
 use crate::error::Error;
 use crate::names::Names;
 use crate::network::{Mapping, Network};
+use crate::security::Enclave;
 use crate::topic::{Watched, look};
 
 /// How often the network is looked at while waiting, and by the watcher.
@@ -41,7 +42,7 @@ pub(crate) type RequestId = RmwRequestId;
 /// Our node.
 pub(crate) struct Bus {
     node: Node,
-    participant: DomainParticipant,
+    peers: Peers,
     mapping: ServiceMapping,
     names: Names,
     watched: Arc<Mutex<Vec<Watched>>>,
@@ -86,6 +87,9 @@ impl Bus {
         if settings.loopback {
             builder = builder.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)]);
         }
+        if let Some(enclave) = &settings.security {
+            builder = secured(builder, enclave);
+        }
         let participant = builder
             .build()
             .map_err(|e| network("the DDS participant", e))?;
@@ -97,7 +101,9 @@ impl Bus {
         // mapping nobody would get an answer.
         let mut options = NodeOptions::new()
             .enable_rosout(false)
-            .start_parameter_services(settings.mapping == Mapping::Enhanced);
+            .start_parameter_services(
+                settings.mapping == Mapping::Enhanced && settings.security.is_none(),
+            );
         for (name, value) in parameters {
             options = options.declare_parameter(name, ParameterValue::String(value.clone()));
         }
@@ -121,11 +127,15 @@ impl Bus {
         let watched: Arc<Mutex<Vec<Watched>>> = Arc::default();
         let over = Arc::new(AtomicBool::new(false));
         let (list, end) = (Arc::clone(&watched), Arc::clone(&over));
-        let peers = Peers(participant.clone());
+        let peers = Peers {
+            participant,
+            mapping: settings.mapping,
+        };
+        let others = peers.clone();
         thread("watcher")
             .spawn(move || {
                 while !end.load(Ordering::Relaxed) {
-                    look(&peers, &list);
+                    look(&others, &list);
                     std::thread::sleep(LOOK);
                 }
             })
@@ -136,7 +146,7 @@ impl Bus {
         };
         Ok(Self {
             node,
-            participant,
+            peers,
             mapping,
             names: names.clone(),
             watched,
@@ -147,12 +157,12 @@ impl Bus {
 
     /// Any identity of this program.
     pub(crate) fn id(&self) -> Id {
-        Id(self.participant.guid().to_bytes())
+        Id(self.peers.participant.guid().to_bytes())
     }
 
     /// Who is there.
     pub(crate) fn peers(&self) -> Peers {
-        Peers(self.participant.clone())
+        self.peers.clone()
     }
 
     /// A name as the network has it, with namespace and remaps.
@@ -271,6 +281,19 @@ impl Bus {
     }
 }
 
+#[cfg(feature = "security")]
+fn secured(builder: DomainParticipantBuilder, enclave: &Enclave) -> DomainParticipantBuilder {
+    use ros2_client::dds::rustdds::DomainParticipantSecurityConfigFiles as Files;
+    let files = Files::with_ros_default_names(enclave.folder(), String::new());
+    builder.builtin_security(files)
+}
+
+/// There is no enclave without the feature: its variables are refused.
+#[cfg(not(feature = "security"))]
+fn secured(builder: DomainParticipantBuilder, _: &Enclave) -> DomainParticipantBuilder {
+    builder
+}
+
 impl Drop for Bus {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Relaxed);
@@ -298,13 +321,35 @@ pub(crate) struct Peer {
     pub(crate) type_name: String,
 }
 
+/// What programs are known to make of the first two bytes of their identities, which are those of the
+/// vendor of their DDS (RTPS 2.2 and later, 9.3.1.5).
+const MAKES: [([u8; 2], &str, Mapping); 3] = [
+    ([0x01, 0x0f], "Fast DDS", Mapping::Enhanced),
+    ([0x01, 0x10], "Cyclone DDS", Mapping::Cyclone),
+    ([0x01, 0x01], "Connext", Mapping::Enhanced),
+];
+
+impl Peer {
+    /// Whose DDS it is, and how that RMW tells requests apart; nothing for one that is not known.
+    pub(crate) fn make(&self) -> Option<(&'static str, Mapping)> {
+        let known = MAKES
+            .iter()
+            .find(|(vendor, ..)| self.id.0.starts_with(vendor));
+        known.map(|(_, name, mapping)| (*name, *mapping))
+    }
+}
+
 /// Who is on the network.
 #[derive(Clone)]
-pub(crate) struct Peers(DomainParticipant);
+pub(crate) struct Peers {
+    participant: DomainParticipant,
+    /// How we tell requests apart.
+    pub(crate) mapping: Mapping,
+}
 
 impl Peers {
     pub(crate) fn readers(&self) -> Vec<Peer> {
-        let found = self.0.discovered_readers().into_iter();
+        let found = self.participant.discovered_readers().into_iter();
         found
             .map(|r| Peer {
                 id: Id(r.reader_proxy.remote_reader_guid.to_bytes()),
@@ -315,7 +360,7 @@ impl Peers {
     }
 
     pub(crate) fn writers(&self) -> Vec<Peer> {
-        let found = self.0.discovered_writers().into_iter();
+        let found = self.participant.discovered_writers().into_iter();
         found
             .map(|w| Peer {
                 id: Id(w.publication_topic_data.key.to_bytes()),

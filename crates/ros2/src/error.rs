@@ -129,6 +129,19 @@ pub enum Cause {
         /// Ours.
         expected: String,
     },
+    /// A server that would misread what it is asked.
+    #[error(
+        "{name} is served by {make}, which would misread what this program sends: RMW_IMPLEMENTATION must be \
+         {wanted}"
+    )]
+    Mapping {
+        /// Service or action.
+        name: String,
+        /// Its DDS.
+        make: &'static str,
+        /// The RMW that goes with it.
+        wanted: &'static str,
+    },
     /// Nobody is there.
     #[error("nobody serves or reads {name} within {seconds} s")]
     Absent {

@@ -1,6 +1,7 @@
 //! What the environment says about the network, as ROS 2 programs read it.
 
 use crate::error::Error;
+use crate::security::Enclave;
 
 /// How requests and replies are told apart on the wire; it must be that of the other side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -9,6 +10,16 @@ pub enum Mapping {
     Enhanced,
     /// `rmw_cyclonedds`.
     Cyclone,
+}
+
+impl Mapping {
+    /// The RMW that has it.
+    pub fn rmw(self) -> &'static str {
+        match self {
+            Self::Enhanced => "rmw_fastrtps_cpp",
+            Self::Cyclone => "rmw_cyclonedds_cpp",
+        }
+    }
 }
 
 /// Whose messages MoveIt has.
@@ -51,14 +62,18 @@ pub struct Network {
     pub loopback: bool,
     /// From `RMW_IMPLEMENTATION`.
     pub mapping: Mapping,
+    /// Who we are, where the network is secured: from `ROS_SECURITY_*`.
+    pub security: Option<Enclave>,
 }
 
 impl Network {
     /// Reads the variables that ROS 2 has for it.
     ///
     /// # Errors
-    /// [`Error::Value`] for what this program does not do: Zenoh, static peers, security.
+    /// [`Error::Value`] for what this program does not do, such as Zenoh and static peers, and as
+    /// [`Enclave::from_environment`].
     pub fn from_environment(get: impl Fn(&str) -> Option<String>) -> Result<Self, Error> {
+        let security = Enclave::from_environment(&get)?;
         let get = |name: &str| get(name).unwrap_or_default();
         let refuse = |field, value: &str, bound: &str| {
             Err(Error::value(
@@ -97,27 +112,16 @@ impl Network {
                 return refuse("RMW_IMPLEMENTATION", other, bound);
             }
         };
-        for (field, bad, bound) in [
-            (
-                "ROS_STATIC_PEERS",
-                "",
-                "unset: there are no static peers here",
-            ),
-            (
-                "ROS_SECURITY_ENABLE",
-                "false",
-                "unset or false: there is no security here",
-            ),
-        ] {
-            let value = get(field);
-            if !value.is_empty() && value != bad {
-                return refuse(field, &value, bound);
-            }
+        let peers = get("ROS_STATIC_PEERS");
+        if !peers.is_empty() {
+            let bound = "unset: there are no static peers here";
+            return refuse("ROS_STATIC_PEERS", &peers, bound);
         }
         Ok(Self {
             domain,
             loopback,
             mapping,
+            security,
         })
     }
 }
@@ -140,6 +144,7 @@ mod tests {
             domain: 0,
             loopback: false,
             mapping: Mapping::Enhanced,
+            security: None,
         };
         assert_eq!(plain, expected);
         let set = [
@@ -151,6 +156,7 @@ mod tests {
             domain: 42,
             loopback: true,
             mapping: Mapping::Cyclone,
+            security: None,
         };
         assert_eq!(read(&set).unwrap(), expected);
         assert!(
@@ -168,7 +174,7 @@ mod tests {
             ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF"),
             ("RMW_IMPLEMENTATION", "rmw_zenoh_cpp"),
             ("ROS_STATIC_PEERS", "10.0.0.2"),
-            ("ROS_SECURITY_ENABLE", "true"),
+            ("ROS_SECURITY_ENABLE", "1"),
         ] {
             let error = read(&[(name, value)]).unwrap_err().to_string();
             assert!(error.contains(name) && error.contains(value), "{error}");

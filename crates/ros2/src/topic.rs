@@ -190,9 +190,14 @@ impl<M: Serialize> Out<M> {
     }
 
     pub(crate) fn send(&self, message: M) -> Result<(), Cause> {
-        self.writer.write(message).map_err(|reason| Cause::Send {
+        let sent = self.writer.write(message);
+        sent.map_err(|reason| self.unsent(reason))
+    }
+
+    pub(crate) fn unsent(&self, reason: String) -> Cause {
+        Cause::Send {
             topic: self.topic.clone(),
             reason,
-        })
+        }
     }
 }

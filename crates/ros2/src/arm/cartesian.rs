@@ -8,15 +8,15 @@ use crate::dds::Bus;
 use crate::error::{Cause, Error};
 use crate::limits::angle;
 use crate::messages::{Header, Name, PoseStamped};
+use crate::outbox::Outbox;
 use crate::robot::Robot;
-use crate::topic::Out;
 
 /// How far the tip may be behind the pose that was sent [m], [rad].
 const BEHIND: (f64, f64) = (0.05, 0.2);
 
 /// A controller that follows poses on a topic.
 pub(crate) struct Cartesian {
-    out: Out<PoseStamped>,
+    out: Outbox<PoseStamped>,
     robot: Robot,
     /// FZI takes no message whose frame is not its own base link.
     frame: Name,
@@ -31,7 +31,7 @@ impl Cartesian {
         robot: Robot,
     ) -> Result<Self, Error> {
         Ok(Self {
-            out: Out::new(bus, topic, ("geometry_msgs", "PoseStamped"))?,
+            out: Outbox::new(bus, topic, ("geometry_msgs", "PoseStamped"))?,
             robot,
             frame: Name::new(frame),
             sent: None,
@@ -55,7 +55,7 @@ impl Sink for Cartesian {
             stamp: self.robot.clock.last()?,
             frame_id: self.frame.clone(),
         };
-        self.out.send(PoseStamped {
+        self.out.put(PoseStamped {
             header,
             pose: pose.into(),
         })?;

@@ -11,7 +11,7 @@ use crate::run::{Job, Played, plan, seven};
 
 /// What was received is what was sent, but for the first samples of the prelude, and what was sent in
 /// each motion is the spline of the log.
-fn the_stream_is_the_spline(played: &Played, timed: bool) {
+pub(crate) fn the_stream_is_the_spline(played: &Played, timed: bool) {
     let period = played.period;
     let sent: Vec<&Value> = played
         .lines
@@ -190,7 +190,7 @@ fn rows() -> Value {
 
 /// The goals of an arm, after the way to the first pose, are the plan's trajectories: names, times, and
 /// places within so many metres.
-fn trajectories(played: &Played, action: &str, within: f64) {
+pub(crate) fn trajectories(played: &Played, action: &str, within: f64) {
     let plan = &played.plan;
     let model = Arm::fr3();
     let goals = played.goals().iter().filter(|goal| goal[0] == action);

@@ -7,6 +7,7 @@
 mod peer;
 
 mod arms;
+mod fastdds;
 mod faults;
 mod grippers;
 mod network;

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use selvedge_franka::{Arm, Placement};
 use selvedge_math::{Command, DVec3, Jaw, Pose};
+use selvedge_ros2::arm::Arm as Robot;
 use selvedge_ros2::connect::{Choice, connect};
 use selvedge_ros2::gripper::jaws::Jaws;
 use selvedge_ros2::journal::{Journal, Target};
@@ -13,6 +14,7 @@ use selvedge_ros2::names::Names;
 use selvedge_ros2::network::{Distro, Mapping, Network};
 use selvedge_ros2::plan::{Plan, Request, Workspace};
 use selvedge_ros2::play::{Settings, play};
+use selvedge_ros2::security::Enclave;
 use selvedge_ros2::state::State;
 use selvedge_trajectory::log::{Log, Sample};
 use serde_json::{Value, json};
@@ -37,9 +39,14 @@ pub(crate) fn plan(speed: f64) -> Plan {
             command: Command { pose, jaw },
         });
     }
+    planned(&log, speed)
+}
+
+/// A log on an FR3 half a metre behind the cloth.
+pub(crate) fn planned(log: &Log, speed: f64) -> Plan {
     let placement = Placement::new([-0.5, 0.0, 0.0, 0.0], 0.0).unwrap();
     Plan::new(&Request {
-        log: &log,
+        log,
         placement: &placement,
         arm: Some(&Arm::fr3()),
         speed,
@@ -60,6 +67,7 @@ pub(crate) struct Job {
     pub(crate) plan: Plan,
     pub(crate) settings: Settings,
     pub(crate) mapping: Mapping,
+    pub(crate) security: Option<Enclave>,
     /// When it is stopped from outside [s].
     pub(crate) stop_after: Option<f64>,
     /// Whether the peer comes again when it has gone.
@@ -127,6 +135,7 @@ impl Job {
                 ..Settings::default()
             },
             mapping: Mapping::Cyclone,
+            security: None,
             stop_after: None,
             again: false,
             timed: false,
@@ -141,6 +150,14 @@ impl Job {
     }
 
     pub(crate) fn play(self) -> Option<Played> {
+        self.play_with(|arm, play| play(arm))
+    }
+
+    /// Plays on what `wrap` makes of the arm.
+    pub(crate) fn play_with(
+        self,
+        wrap: impl FnOnce(&mut dyn Robot, &mut dyn FnMut(&mut dyn Robot) -> State) -> State,
+    ) -> Option<Played> {
         let plan = &self.plan;
         let mut told = self.told.clone();
         (told["arm_kind"], told["gripper_kind"]) =
@@ -158,6 +175,7 @@ impl Job {
             domain: domain.id,
             loopback: true,
             mapping: self.mapping,
+            security: self.security.clone(),
         };
         let start = || {
             Peer::start(
@@ -210,7 +228,9 @@ impl Job {
                     Peer::start(self.test, &domain, joints, names, &told)
                 })
             });
-            let end = play(plan, arm, gripper, &self.settings, &stop, &journal);
+            let mut run =
+                |arm: &mut dyn Robot| play(plan, arm, gripper, &self.settings, &stop, &journal);
+            let end = wrap(arm, &mut run);
             again.map(|again| again.join().unwrap());
             end
         });

@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
 #![allow(dead_code, reason = "not every test needs all of it")]
 
+mod fast;
+
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, Read};
 use std::net::UdpSocket;
@@ -72,7 +74,7 @@ pub(crate) struct Peer {
 }
 
 impl Peer {
-    /// A peer that does what it is told, or nothing when it cannot be.
+    /// A peer that does what it is told, or nothing when it cannot be; on Fast DDS when `dds` says so.
     pub(crate) fn start(
         test: &str,
         domain: &Domain,
@@ -80,33 +82,37 @@ impl Peer {
         names: &[String],
         told: &Value,
     ) -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        if told["dds"] == "fast" {
+            let process = fast::process(test, domain, joints, names, told)?;
+            return Some(Self::spawned(process, folder));
+        }
         let python = python(test, "cyclonedds")?;
         let mut all = json!({"domain": domain.id, "joints": joints, "names": names});
         for (key, value) in told.as_object().unwrap() {
             all[key] = value.clone();
         }
-        let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("told.json");
         std::fs::write(&file, all.to_string()).unwrap();
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peer/peer.py");
-        let mut child = Process::new(&python)
-            .arg("-B")
-            .arg(script)
-            .arg(file)
-            .env("CYCLONEDDS_URI", CYCLONE)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
+        let mut process = Process::new(&python);
+        process.arg("-B").arg(script).arg(file);
+        process.env("CYCLONEDDS_URI", CYCLONE);
+        process.stdin(Stdio::piped()).stdout(Stdio::piped());
+        Some(Self::spawned(process, folder))
+    }
+
+    fn spawned(mut process: Process, folder: tempfile::TempDir) -> Self {
+        let mut child = process.spawn().unwrap();
         let mut output = BufReader::new(child.stdout.take().unwrap());
         let mut line = String::new();
         output.read_line(&mut line).unwrap();
         assert_eq!(line, "ready\n");
-        Some(Self {
+        Self {
             child,
             output,
             _folder: folder,
-        })
+        }
     }
 
     /// Waits until it is gone by itself.
