@@ -1,7 +1,7 @@
 //! A keystore of SROS 2: who this program is and what it may do, from the environment.
 //!
 //! Topics alone: with the library and the versions of Fast DDS that were tried, goals and calls get no answer
-//! when they are secured, so that whatever needs them is refused ([`only_topics`]).
+//! when they are secured, so that whatever needs them is refused.
 
 use std::path::{Path, PathBuf};
 

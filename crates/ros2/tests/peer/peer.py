@@ -159,7 +159,9 @@ def listen():
     while not over.is_set():
         # Readers of others; our own are there before anybody comes.
         for sample in samples(known) if known else []:
-            if str(sample.participant_key) != str(domain.guid): out["topics"].append(sample.topic_name)
+            # One that is gone comes without a name.
+            if sample.topic_name and str(sample.participant_key) != str(domain.guid):
+                out["topics"].append(sample.topic_name)
         for sample in samples(targets) if targets else []:
             if hasattr(sample, "pose"):
                 with lock:
