@@ -6,7 +6,7 @@
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
 use byteorder::LittleEndian;
@@ -99,11 +99,10 @@ impl Bus {
             .map_err(|e| network("the node's name", e))?;
         // The library's parameter services always tell requests apart as Enhanced does: with another
         // mapping nobody would get an answer.
+        let served = settings.mapping == Mapping::Enhanced && settings.security.is_none();
         let mut options = NodeOptions::new()
             .enable_rosout(false)
-            .start_parameter_services(
-                settings.mapping == Mapping::Enhanced && settings.security.is_none(),
-            );
+            .start_parameter_services(served);
         for (name, value) in parameters {
             options = options.declare_parameter(name, ParameterValue::String(value.clone()));
         }
@@ -119,17 +118,22 @@ impl Bus {
             .new_node(name, options)
             .map_err(|e| network("the node", e))?;
         declared.store(true, Ordering::Relaxed);
-        let spinner = node.spinner().map_err(|e| network("the node", e))?;
         let thread = |name: &str| std::thread::Builder::new().name(name.into());
-        thread("spinner")
-            .spawn(move || futures::executor::block_on(spinner.spin()).ok())
-            .map_err(|e| network("a thread", e))?;
+        // It makes readers of its own while we make ours, and under security two threads that make
+        // some block each other for good. Nothing but the parameters needs it.
+        if served {
+            let spinner = node.spinner().map_err(|e| network("the node", e))?;
+            thread("spinner")
+                .spawn(move || futures::executor::block_on(spinner.spin()).ok())
+                .map_err(|e| network("a thread", e))?;
+        }
         let watched: Arc<Mutex<Vec<Watched>>> = Arc::default();
         let over = Arc::new(AtomicBool::new(false));
         let (list, end) = (Arc::clone(&watched), Arc::clone(&over));
         let peers = Peers {
             participant,
             mapping: settings.mapping,
+            making: Arc::default(),
         };
         let others = peers.clone();
         thread("watcher")
@@ -188,6 +192,7 @@ impl Bus {
         kind: Kind,
         kept: Kept,
     ) -> Result<Writer<M>, Error> {
+        let _guard = self.peers.lock();
         let name = parsed(topic)?;
         let qos = match kept {
             Kept::No => reliable(10),
@@ -216,6 +221,7 @@ impl Bus {
         mut take: impl FnMut(M) + Send + 'static,
     ) -> Result<(), Error> {
         let topic = self.resolve(topic)?;
+        let _guard = self.peers.lock();
         let name = parsed(&topic)?;
         let qos = match kept {
             Kept::No => QosProfile::subscription_default().history(History::KeepLast { depth: 10 }),
@@ -248,6 +254,7 @@ impl Bus {
         Q: Message + Clone + 'static,
         R: Message + 'static,
     {
+        let _guard = self.peers.lock();
         let parsed = parsed(name)?;
         let kind = ServiceTypeName::new(kind.0, kind.1);
         let client = self
@@ -264,6 +271,7 @@ impl Bus {
         R: Message + Clone + 'static,
         F: Message + 'static,
     {
+        let _guard = self.peers.lock();
         let parsed = parsed(name)?;
         let policies = ActionClientQosPolicies {
             goal_service: reliable(10),
@@ -345,10 +353,18 @@ pub(crate) struct Peers {
     participant: DomainParticipant,
     /// How we tell requests apart.
     pub(crate) mapping: Mapping,
+    /// Held while readers and writers are made: the library's locks are taken in another order for that
+    /// than for looking.
+    making: Arc<Mutex<()>>,
 }
 
 impl Peers {
+    fn lock(&self) -> MutexGuard<'_, ()> {
+        self.making.lock().unwrap_or_else(|e| e.into_inner())
+    }
+
     pub(crate) fn readers(&self) -> Vec<Peer> {
+        let _guard = self.lock();
         let found = self.participant.discovered_readers().into_iter();
         found
             .map(|r| Peer {
@@ -360,6 +376,7 @@ impl Peers {
     }
 
     pub(crate) fn writers(&self) -> Vec<Peer> {
+        let _guard = self.lock();
         let found = self.participant.discovered_writers().into_iter();
         found
             .map(|w| Peer {

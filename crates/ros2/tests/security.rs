@@ -13,7 +13,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use selvedge_ros2::error::Error;
+use selvedge_ros2::error::{Cause, Error};
 use selvedge_ros2::journal::Journal;
 use selvedge_ros2::names::Names;
 use selvedge_ros2::network::{Mapping, Network};
@@ -179,8 +179,21 @@ fn a_secured_robot_gets_every_pose_of_one_it_knows() {
     let Some((_folder, [ours, _])) = keystores(name) else {
         return;
     };
-    let Some(played) = job(name, enclave(&ours), secured(&ours)).play() else {
-        return;
+    // On a busy machine the library's handshake gets stuck now and then. Nothing moves then, and one
+    // starts again.
+    let mut tries = 0;
+    let played = loop {
+        tries += 1;
+        let Some(played) = job(name, enclave(&ours), secured(&ours)).play() else {
+            return;
+        };
+        let stuck =
+            matches!(&played.end, State::Stopped(Cause::Stale { age, .. }) if age.is_infinite());
+        if !stuck || tries == 4 {
+            break played;
+        }
+        assert!(played.sent().is_empty());
+        eprintln!("{name}: the handshake is stuck, again");
     };
     assert_eq!(played.end, State::Finished);
     let (sent, got) = (played.sent(), played.got["poses"].as_array().unwrap());

@@ -1,7 +1,9 @@
 //! A run against the peer, and what is looked at afterwards.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use selvedge_franka::{Arm, Placement};
 use selvedge_math::{Command, DVec3, Jaw, Pose};
@@ -164,6 +166,7 @@ impl Job {
             (json!(self.choice.arm), json!(self.choice.gripper));
         let told = &told;
         let domain = Domain::free(self.timed);
+        let stage = Stage::new(self.test);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.jsonl");
         let target = Target {
@@ -186,6 +189,7 @@ impl Job {
                 told,
             )
         };
+        stage.enter("waiting for the peer and joining the network");
         // A peer that comes late is started while we wait for it.
         let (mut robots, mut peer);
         let join = || {
@@ -203,7 +207,7 @@ impl Job {
         };
         if self.late > 0.0 {
             robots = join();
-            std::thread::sleep(std::time::Duration::from_secs_f64(self.late));
+            std::thread::sleep(Duration::from_secs_f64(self.late));
             peer = start()?;
         } else {
             peer = start()?;
@@ -213,10 +217,11 @@ impl Job {
         if let Some(seconds) = self.stop_after {
             let stop = Arc::clone(&stop);
             std::thread::spawn(move || {
-                std::thread::sleep(std::time::Duration::from_secs_f64(seconds));
+                std::thread::sleep(Duration::from_secs_f64(seconds));
                 stop.store(true, Ordering::Relaxed);
             });
         }
+        stage.enter("playing");
         let (arm, gripper) = (&mut *robots.arm, &mut *robots.gripper);
         let end = std::thread::scope(|scope| {
             let again = self.again.then(|| {
@@ -234,9 +239,12 @@ impl Job {
             again.map(|again| again.join().unwrap());
             end
         });
-        std::thread::sleep(std::time::Duration::from_millis(300));
+        std::thread::sleep(Duration::from_millis(300));
+        stage.enter("leaving the network");
         drop(robots);
+        stage.enter("closing the journal");
         assert_eq!(writer.finish().unwrap(), 0);
+        stage.enter("waiting for what the peer has received");
         let lines = std::fs::read_to_string(&path).unwrap();
         let lines = lines.lines();
         Some(Played {
@@ -248,6 +256,36 @@ impl Job {
             period: self.settings.period,
             plan: self.plan,
         })
+    }
+}
+
+/// How long a run may take [s]: many times what the longest one needs on a busy machine.
+const DEADLINE: Duration = Duration::from_secs(180);
+
+/// What a run is at. One that is not over in time ends the whole test program and says where it was:
+/// a thread that is blocked inside a library cannot be ended alone.
+struct Stage {
+    at: Arc<Mutex<&'static str>>,
+    _over: Sender<()>,
+}
+
+impl Stage {
+    fn new(test: &'static str) -> Self {
+        let at = Arc::new(Mutex::new("making its files"));
+        let (over, ended) = channel::<()>();
+        let seen = Arc::clone(&at);
+        std::thread::spawn(move || {
+            if ended.recv_timeout(DEADLINE) == Err(RecvTimeoutError::Timeout) {
+                let at = seen.lock().unwrap();
+                eprintln!("{test}: not over after {DEADLINE:?}, {at}");
+                std::process::abort();
+            }
+        });
+        Self { at, _over: over }
+    }
+
+    fn enter(&self, stage: &'static str) {
+        *self.at.lock().unwrap() = stage;
     }
 }
 

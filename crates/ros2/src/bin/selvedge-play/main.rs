@@ -6,7 +6,7 @@ use std::fs::File;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
@@ -136,7 +136,9 @@ impl Run {
                         setting(Network::from_environment(|name| std::env::var(name).ok()))?;
                     let (names, choice) = (&self.names, &self.choice);
                     let jaws = self.arguments.jaws();
+                    let late = overdue("joining the network", JOIN);
                     let there = connect(&network, names, choice, &model, &plan, jaws, &journal);
+                    drop(late);
                     setting(there)?
                 };
                 (robots, journal, writer)
@@ -151,7 +153,9 @@ impl Run {
 
     fn preview(&self, plan: &Plan) -> Result<()> {
         let network = setting(Network::from_environment(|name| std::env::var(name).ok()))?;
+        let late = overdue("joining the network", JOIN);
         let shown = show(&network, &self.names, &self.choice, plan)?;
+        drop(late);
         let topic = self.names.resolve("~/planned_path")?;
         println!("the path is on {topic} until Ctrl-C");
         while !self.stop.load(Ordering::Relaxed) {
@@ -190,31 +194,53 @@ impl Run {
         self.finish(end)
     }
 
+    /// Closes the journal and leaves the network.
     fn close(&mut self) -> Result<()> {
-        if let Some((robots, _, writer)) = self.robots.take() {
-            drop(robots);
-            let lost = writer.finish()?;
-            if lost > 0 {
-                eprintln!("selvedge-play: {lost} records are not in the journal");
-            }
+        let Some((robots, _, writer)) = self.robots.take() else {
+            return Ok(());
+        };
+        let lost = writer.finish()?;
+        if lost > 0 {
+            eprintln!("selvedge-play: {lost} records are not in the journal");
         }
+        let _late = overdue("leaving the network", JOIN);
+        drop(robots);
         Ok(())
     }
 
-    /// How the network library goes down is not our outcome.
     fn finish(&mut self, end: Option<State>) -> Result<ExitCode> {
-        self.close()?;
-        match end {
-            None => {}
-            Some(State::Finished) => println!("finished"),
+        let code = match end {
+            None => ExitCode::SUCCESS,
+            Some(State::Finished) => {
+                println!("finished");
+                ExitCode::SUCCESS
+            }
             Some(State::Stopped(cause)) => {
                 eprintln!("stopped: {cause}");
-                return Ok(ExitCode::FAILURE);
+                ExitCode::FAILURE
             }
             Some(other) => anyhow::bail!("ended in state {}", other.name()),
-        }
-        Ok(ExitCode::SUCCESS)
+        };
+        self.close()?;
+        Ok(code)
     }
+}
+
+/// How long the network library may take to join or leave [s]. The arm rests then.
+const JOIN: Duration = Duration::from_secs(30);
+
+/// Ends the program unless what is returned is dropped in time: a library that is blocked cannot be
+/// asked to stop.
+fn overdue(what: &'static str, bound: Duration) -> Sender<()> {
+    let (done, waiting) = channel();
+    std::thread::spawn(move || {
+        if waiting.recv_timeout(bound) == Err(RecvTimeoutError::Timeout) {
+            let seconds = bound.as_secs_f64();
+            eprintln!("selvedge-play: {what} is not over after {seconds} s: ended");
+            std::process::exit(2);
+        }
+    });
+    done
 }
 
 /// Motions as they are read, on a thread of their own: a signal must not wait for a row.
