@@ -96,7 +96,7 @@ impl Cholesky {
         // Fronts in that order, with the place of each row in the parent
         let mut number = vec![0; count];
         let mut fronts: Vec<Front> = Vec::with_capacity(count);
-        let (mut rows, mut additions) = (Vec::new(), Vec::new());
+        let (mut rows, mut places, mut all_children) = (Vec::new(), Vec::new(), Vec::new());
         let (mut size, mut longest) = (0, 0);
         // Present and greatest heights of the two stacks of update matrices.
         let (mut used, mut needed) = ([0, 0], [0, 0]);
@@ -104,7 +104,7 @@ impl Cholesky {
             number[s] = fronts.len();
             let pattern = supernodes.supernode(s).pattern();
             rows.extend(pattern.iter().map(|&row| padded[row as usize]));
-            let mut front = Front {
+            let front = Front {
                 column: padded[begin[s]] as usize,
                 columns: end[s] - begin[s],
                 row: rows.len() - pattern.len(),
@@ -114,44 +114,29 @@ impl Cholesky {
                 stack: depth % 2,
                 first_entry: 0,
                 last_entry: 0,
-                additions: [additions.len(); 3],
+                first_child: all_children.len(),
+                last_child: all_children.len() + children[s].len(),
+                shared: 0,
             };
-            let (top, height, bottom) = (front.top(), front.height(), front.bottom());
-            size += front.columns * height;
+            let bottom = front.bottom();
+            size += front.columns * front.height();
             longest = bottom.max(longest);
 
-            let mut to_update = Vec::new();
+            places.resize(rows.len(), 0);
             for &child in &children[s] {
-                let places: Vec<usize> = supernodes
-                    .supernode(child)
-                    .pattern()
-                    .iter()
-                    .map(|&row| place_in_front(begin[s], end[s], pattern, row))
-                    .collect();
-                let child = &fronts[number[child]];
-                for (k, &column) in places.iter().enumerate() {
-                    for (row, &place) in places.iter().enumerate().skip(k) {
-                        let from = (child.update + k * child.bottom() + row) as u32;
-                        if column < top {
-                            additions.push([from, (column * height + place) as u32]);
-                        } else {
-                            let to = (column - top) * bottom + place - top;
-                            to_update.push([from, to as u32]);
-                        }
-                    }
+                all_children.push(number[child] as u32);
+                let child_rows = supernodes.supernode(child).pattern();
+                let child = &mut fronts[number[child]];
+                for (place, &row) in places[child.row..].iter_mut().zip(child_rows) {
+                    *place = place_in_front(begin[s], end[s], pattern, row) as u32;
                 }
+                let own = |row: &&u32| (**row as usize) < end[s];
+                child.shared = child_rows.iter().take_while(own).count();
                 used[child.stack] -= child.bottom() * child.bottom();
             }
-            front.additions[1] = additions.len();
-            additions.append(&mut to_update);
-            front.additions[2] = additions.len();
             used[front.stack] += bottom * bottom;
             needed[front.stack] = used[front.stack].max(needed[front.stack]);
             fronts.push(front);
-        }
-
-        if needed.iter().any(|&needed| u32::try_from(needed).is_err()) {
-            return Err(Error::Factorisation("the matrix is too large".into()));
         }
 
         // The entries by front
@@ -183,10 +168,12 @@ impl Cholesky {
             fronts,
             entries: sorted.into_iter().map(|(_, entry)| entry).collect(),
             rows,
-            additions,
+            places,
+            children: all_children,
             panels: vec![0.0; size],
             waiting: needed.map(|size| vec![0.0; size]),
-            unknowns: vec![0.0; unknowns],
+            padded: unknowns,
+            unknowns: Vec::new(),
             local: vec![0.0; longest],
         })
     }

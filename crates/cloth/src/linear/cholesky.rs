@@ -32,15 +32,18 @@ pub struct Cholesky {
     pub(super) entries: Vec<[u32; 2]>,
     /// Rows below the columns of each front, by their places among the padded unknowns.
     pub(super) rows: Vec<u32>,
-    /// What the children of each front add to it: where it waits on their stack, and its place in
-    /// the panel or, after those, in the update matrix.
-    pub(super) additions: Vec<[u32; 2]>,
+    /// The place of each of those rows in the parent: among its columns or, after those, below them.
+    pub(super) places: Vec<u32>,
+    /// The children of each front.
+    pub(super) children: Vec<u32>,
     /// The panel of each front, column by column: its rows in the columns of the front, then those
     /// below, each part padded. Above the diagonal is nothing of use.
     pub(super) panels: Vec<f64>,
     /// Update matrices waiting for their parents, by parity of the depth.
     pub(super) waiting: [Vec<f64>; 2],
-    /// The unknowns by front, each front's padded with zeros like its columns.
+    /// The unknowns by front, each front's padded with zeros like its columns: so many a right hand
+    /// side.
+    pub(super) padded: usize,
     pub(super) unknowns: Vec<f64>,
     /// The part below of one column.
     pub(super) local: Vec<f64>,
@@ -62,8 +65,11 @@ pub(super) struct Front {
     /// Its range of `entries`.
     pub(super) first_entry: usize,
     pub(super) last_entry: usize,
-    /// Its ranges of `additions`: to the panel `[0]..[1]`, to the update matrix `[1]..[2]`.
-    pub(super) additions: [usize; 3],
+    /// Its range of `children`.
+    pub(super) first_child: usize,
+    pub(super) last_child: usize,
+    /// How many of the rows below are columns of the parent.
+    pub(super) shared: usize,
 }
 
 impl Front {
@@ -100,20 +106,36 @@ impl Cholesky {
         }
     }
 
-    /// Solves `S x = rhs` in place.
+    /// Solves `S x = rhs` in place, for one right hand side or several, one after the other.
     ///
     /// # Panics
-    /// When `rhs` has not `n` entries.
+    /// When `rhs` has not a multiple of `n` entries.
     pub fn solve(&mut self, rhs: &mut [f64]) {
-        assert_eq!(rhs.len(), self.position.len(), "one entry a row");
-        // The padding too, where an earlier right hand side may have left what is not a number.
-        self.unknowns.fill(0.0);
-        for (&p, &value) in self.position.iter().zip(&*rhs) {
-            self.unknowns[p as usize] = value;
+        let n = self.position.len();
+        assert!(rhs.len().is_multiple_of(n), "one entry a row");
+        if rhs.is_empty() {
+            return;
         }
-        dispatch(Solve(self));
-        for (&p, value) in self.position.iter().zip(rhs) {
-            *value = self.unknowns[p as usize];
+        let count = rhs.len() / n;
+        // The padding too, where an earlier right hand side may have left what is not a number.
+        self.unknowns.clear();
+        self.unknowns.resize(count * self.padded, 0.0);
+        for (rhs, x) in rhs
+            .chunks_exact(n)
+            .zip(self.unknowns.chunks_exact_mut(self.padded))
+        {
+            for (&p, &value) in self.position.iter().zip(rhs) {
+                x[p as usize] = value;
+            }
+        }
+        dispatch(Solve(self, count));
+        for (rhs, x) in rhs
+            .chunks_exact_mut(n)
+            .zip(self.unknowns.chunks_exact(self.padded))
+        {
+            for (&p, value) in self.position.iter().zip(rhs) {
+                *value = x[p as usize];
+            }
         }
     }
 }
@@ -171,6 +193,21 @@ mod tests {
                 .fold(0.0, f64::max);
             assert!(off < 1e-13, "{n} x {n}: {off:e}");
         }
+    }
+
+    #[test]
+    fn right_hand_sides_together_have_the_bits_they_have_alone() {
+        let n = 17;
+        let matrix = grid_matrix(n, 4.5);
+        let mut cholesky = analyse(n * n, &matrix);
+        cholesky.factor(&values(&matrix)).unwrap();
+        let mut together: Vec<f64> = (0..3 * n * n).map(|k| (k as f64 * 0.37).sin()).collect();
+        let mut alone = together.clone();
+        cholesky.solve(&mut together);
+        for rhs in alone.chunks_exact_mut(n * n) {
+            cholesky.solve(rhs);
+        }
+        assert_eq!(together, alone);
     }
 
     #[test]

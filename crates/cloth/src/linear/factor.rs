@@ -1,6 +1,8 @@
 //! The numeric factorisation, front by front.
 
-use super::cholesky::Cholesky;
+use std::ops::Range;
+
+use super::cholesky::{Cholesky, Front};
 use super::simd::{BLOCK, Simd, WithSimd, vectors, vectors_mut};
 
 /// Factors with these values, in the order of the pairs that were analysed.
@@ -16,7 +18,8 @@ impl WithSimd for Factor<'_> {
             Cholesky {
                 fronts,
                 entries,
-                additions,
+                children,
+                places,
                 panels,
                 waiting,
                 ..
@@ -31,32 +34,54 @@ impl WithSimd for Factor<'_> {
                 (&mut *odd, &*even)
             };
             let (height, bottom) = (front.height(), front.bottom());
-            let [first, middle, last] = front.additions;
+            let own_children = &children[front.first_child..front.last_child];
+            let own_children = own_children.iter().map(|&k| &fronts[k as usize]);
 
             let panel = &mut panels[front.panel..][..front.columns * height];
             panel.fill(0.0);
             for &[value, place] in &entries[front.first_entry..front.last_entry] {
                 panel[place as usize] = values[value as usize];
             }
-            add(panel, childrens, &additions[first..middle]);
+            for child in own_children.clone() {
+                add(panel, height, 0, child, 0..child.shared, childrens, places);
+            }
             if !factor_panel(simd, panel, front.columns, height) {
                 return false;
             }
             let update = &mut own[front.update..][..bottom * bottom];
             if bottom > 0 {
                 negative_squares(simd, update, bottom, panel, height);
-                add(update, childrens, &additions[middle..last]);
+                let top = front.top();
+                for child in own_children {
+                    let rest = child.shared..child.below;
+                    add(update, bottom, top, child, rest, childrens, places);
+                }
             }
         }
         true
     }
 }
 
-/// Adds entries of the children's update matrices at their places.
+/// Adds some columns of a child's update matrix to a matrix of so many rows, the first of which is
+/// the front's row `first`.
 #[inline(always)]
-fn add(target: &mut [f64], childrens: &[f64], additions: &[[u32; 2]]) {
-    for &[from, to] in additions {
-        target[to as usize] += childrens[from as usize];
+fn add(
+    target: &mut [f64],
+    height: usize,
+    first: usize,
+    child: &Front,
+    columns: Range<usize>,
+    childrens: &[f64],
+    places: &[u32],
+) {
+    let places = &places[child.row..][..child.below];
+    let bottom = child.bottom();
+    for k in columns {
+        let values = &childrens[child.update + k * bottom + k..];
+        let column = &mut target[(places[k] as usize - first) * height..][..height];
+        for (&place, value) in places[k..].iter().zip(values) {
+            column[place as usize - first] += value;
+        }
     }
 }
 

@@ -1,70 +1,107 @@
 //! The two triangular solves, front by front.
 
-use super::cholesky::Cholesky;
+use super::cholesky::{Cholesky, Front};
 use super::simd::{BLOCK, Simd, WithSimd, vectors, vectors_mut};
 
-/// Solves for the unknowns in place.
-pub(super) struct Solve<'a>(pub(super) &'a mut Cholesky);
+/// Solves in place for the unknowns of so many right hand sides, which share each look at a front.
+pub(super) struct Solve<'a>(pub(super) &'a mut Cholesky, pub(super) usize);
 
 impl WithSimd for Solve<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Cholesky {
-            fronts,
-            rows,
-            panels,
-            unknowns: x,
-            local,
-            ..
-        } = self.0;
+        let Self(
+            Cholesky {
+                fronts,
+                rows,
+                panels,
+                padded,
+                unknowns,
+                local,
+                ..
+            },
+            count,
+        ) = self;
+        let unknowns = &mut unknowns[..count * *padded];
         // L y = b
         for front in &*fronts {
-            let (top, height) = (front.top(), front.height());
-            let panel = &panels[front.panel..][..front.columns * height];
-            let own = &mut x[front.column..][..top];
-            for (k, block) in panel.chunks(BLOCK * height).enumerate() {
-                match block.len() / height {
-                    1 => forward::<S, 1>(simd, block, height, own, k * BLOCK),
-                    2 => forward::<S, 2>(simd, block, height, own, k * BLOCK),
-                    3 => forward::<S, 3>(simd, block, height, own, k * BLOCK),
-                    _ => forward::<S, BLOCK>(simd, block, height, own, k * BLOCK),
-                }
-            }
-            let mut row = top;
-            while row + 4 * S::F64_LANES <= height {
-                combine::<S, 4>(simd, panel, height, row, own, &mut local[row - top..]);
-                row += 4 * S::F64_LANES;
-            }
-            while row < height {
-                combine::<S, 1>(simd, panel, height, row, own, &mut local[row - top..]);
-                row += S::F64_LANES;
-            }
-            for (&value, &row) in local.iter().zip(&rows[front.row..][..front.below]) {
-                x[row as usize] -= value;
+            let panel = &panels[front.panel..][..front.columns * front.height()];
+            let rows = &rows[front.row..][..front.below];
+            for x in unknowns.chunks_exact_mut(*padded) {
+                down(simd, front, panel, rows, x, local);
             }
         }
         // L^T x = y
         for front in fronts.iter().rev() {
-            let (top, height) = (front.top(), front.height());
-            let panel = &panels[front.panel..][..front.columns * height];
-            let below = &mut local[..front.bottom()];
-            if let Some(padded) = below.last_chunk_mut::<BLOCK>() {
-                *padded = [0.0; BLOCK];
+            let panel = &panels[front.panel..][..front.columns * front.height()];
+            let rows = &rows[front.row..][..front.below];
+            for x in unknowns.chunks_exact_mut(*padded) {
+                up(simd, front, panel, rows, x, local);
             }
-            for (value, &row) in below.iter_mut().zip(&rows[front.row..][..front.below]) {
-                *value = x[row as usize];
-            }
-            let own = &mut x[front.column..][..top];
-            for (k, block) in panel.chunks(BLOCK * height).enumerate().rev() {
-                match block.len() / height {
-                    1 => backward::<S, 1>(simd, block, height, own, below, k * BLOCK),
-                    2 => backward::<S, 2>(simd, block, height, own, below, k * BLOCK),
-                    3 => backward::<S, 3>(simd, block, height, own, below, k * BLOCK),
-                    _ => backward::<S, BLOCK>(simd, block, height, own, below, k * BLOCK),
-                }
-            }
+        }
+    }
+}
+
+/// Solves for a front's columns and takes them from the rows below.
+#[inline(always)]
+fn down<S: Simd>(
+    simd: S,
+    front: &Front,
+    panel: &[f64],
+    rows: &[u32],
+    x: &mut [f64],
+    local: &mut [f64],
+) {
+    let (top, height) = (front.top(), front.height());
+    let own = &mut x[front.column..][..top];
+    for (k, block) in panel.chunks(BLOCK * height).enumerate() {
+        match block.len() / height {
+            1 => forward::<S, 1>(simd, block, height, own, k * BLOCK),
+            2 => forward::<S, 2>(simd, block, height, own, k * BLOCK),
+            3 => forward::<S, 3>(simd, block, height, own, k * BLOCK),
+            _ => forward::<S, BLOCK>(simd, block, height, own, k * BLOCK),
+        }
+    }
+    let mut row = top;
+    while row + 4 * S::F64_LANES <= height {
+        combine::<S, 4>(simd, panel, height, row, own, &mut local[row - top..]);
+        row += 4 * S::F64_LANES;
+    }
+    while row < height {
+        combine::<S, 1>(simd, panel, height, row, own, &mut local[row - top..]);
+        row += S::F64_LANES;
+    }
+    for (&value, &row) in local.iter().zip(rows) {
+        x[row as usize] -= value;
+    }
+}
+
+/// Solves for a front's columns with the rows below known.
+#[inline(always)]
+fn up<S: Simd>(
+    simd: S,
+    front: &Front,
+    panel: &[f64],
+    rows: &[u32],
+    x: &mut [f64],
+    local: &mut [f64],
+) {
+    let (top, height) = (front.top(), front.height());
+    let below = &mut local[..front.bottom()];
+    if let Some(padded) = below.last_chunk_mut::<BLOCK>() {
+        *padded = [0.0; BLOCK];
+    }
+    for (value, &row) in below.iter_mut().zip(rows) {
+        *value = x[row as usize];
+    }
+    let own = &mut x[front.column..][..top];
+    for (k, block) in panel.chunks(BLOCK * height).enumerate().rev() {
+        match block.len() / height {
+            1 => backward::<S, 1>(simd, block, height, own, below, k * BLOCK),
+            2 => backward::<S, 2>(simd, block, height, own, below, k * BLOCK),
+            3 => backward::<S, 3>(simd, block, height, own, below, k * BLOCK),
+            _ => backward::<S, BLOCK>(simd, block, height, own, below, k * BLOCK),
         }
     }
 }
