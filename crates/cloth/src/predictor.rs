@@ -139,7 +139,7 @@ impl Predictor {
                 *value = load[axis];
             }
         }
-        self.cholesky.solve(&mut self.columns);
+        self.cholesky.solve_all::<3>(&mut self.columns);
         for (axis, column) in self.columns.chunks_exact(n).enumerate() {
             for ((x, start), value) in x.iter_mut().zip(start).zip(column) {
                 x[axis] = start[axis] + value;

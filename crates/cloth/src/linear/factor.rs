@@ -75,12 +75,13 @@ fn add(
     places: &[u32],
 ) {
     let places = &places[child.row..][..child.below];
+    let values = &childrens[child.update..];
     let bottom = child.bottom();
     for k in columns {
-        let values = &childrens[child.update + k * bottom + k..];
-        let column = &mut target[(places[k] as usize - first) * height..][..height];
-        for (&place, value) in places[k..].iter().zip(values) {
-            column[place as usize - first] += value;
+        let rows = &places[k..];
+        let column = &mut target[(rows[0] as usize - first) * height..];
+        for (&row, value) in rows.iter().zip(&values[k * bottom + k..]) {
+            column[row as usize - first] += value;
         }
     }
 }

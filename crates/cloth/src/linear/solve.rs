@@ -4,31 +4,29 @@ use super::cholesky::{Cholesky, Front};
 use super::simd::{BLOCK, Simd, WithSimd, vectors, vectors_mut};
 
 /// Solves in place for the unknowns of so many right hand sides, which share each look at a front.
-pub(super) struct Solve<'a>(pub(super) &'a mut Cholesky, pub(super) usize);
+pub(super) struct Solve<'a, const COUNT: usize>(pub(super) &'a mut Cholesky);
 
-impl WithSimd for Solve<'_> {
+impl<const COUNT: usize> WithSimd for Solve<'_, COUNT> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self(
-            Cholesky {
-                fronts,
-                rows,
-                panels,
-                padded,
-                unknowns,
-                local,
-                ..
-            },
-            count,
-        ) = self;
-        let unknowns = &mut unknowns[..count * *padded];
+        let Cholesky {
+            fronts,
+            rows,
+            panels,
+            padded,
+            unknowns,
+            local,
+            ..
+        } = self.0;
+        let padded = *padded;
         // L y = b
         for front in &*fronts {
             let panel = &panels[front.panel..][..front.columns * front.height()];
             let rows = &rows[front.row..][..front.below];
-            for x in unknowns.chunks_exact_mut(*padded) {
+            for k in 0..COUNT {
+                let x = &mut unknowns[k * padded..][..padded];
                 down(simd, front, panel, rows, x, local);
             }
         }
@@ -36,7 +34,8 @@ impl WithSimd for Solve<'_> {
         for front in fronts.iter().rev() {
             let panel = &panels[front.panel..][..front.columns * front.height()];
             let rows = &rows[front.row..][..front.below];
-            for x in unknowns.chunks_exact_mut(*padded) {
+            for k in 0..COUNT {
+                let x = &mut unknowns[k * padded..][..padded];
                 up(simd, front, panel, rows, x, local);
             }
         }
