@@ -126,3 +126,15 @@ fn fast_dds_is_not_asked_as_cyclone_would_be() {
     assert_eq!(played.goals(), [] as [Value; 0]);
     assert_eq!(played.got["poses"], json!([]));
 }
+
+#[test]
+fn parameters_are_shown_and_cannot_be_set() {
+    let name = "parameters_are_shown_and_cannot_be_set";
+    let mut job = job(name, "cartesian", json!({"parameter": "speed"}));
+    job.choice.parameters = vec![("speed".into(), "0.25".into())];
+    let Some(played) = job.play() else { return };
+    assert_eq!(played.end, State::Finished);
+    assert_eq!(played.got["parameter"], "0.25");
+    let refusal = played.got["refusal"].as_str().unwrap();
+    assert!(refusal.starts_with("read only"), "{refusal}");
+}

@@ -322,6 +322,59 @@ std::string trajectory_goal(Cdr& cdr, Action::Goal& goal) {
     return "[" + list(names) + "," + list(points) + "]";
 }
 
+// What `ros2 param get` and `set` do, with one parameter.
+struct Parameters {
+    std::string name = is("parameter"), value, refusal;
+    DataWriter *get = nullptr, *set = nullptr;
+
+    DataWriter* client(const std::string& what, const std::string& type, std::function<void(Cdr&)> take) {
+        std::string service = "/selvedge_play/" + what, kind = "rcl_interfaces::srv::dds_::" + type;
+        reader("rr" + service + "Reply", kind + "_Response_", [take](Bytes& bytes, const SampleInfo&) {
+            read(bytes, take);
+        });
+        return writer("rq" + service + "Request", kind + "_Request_");
+    }
+
+    // A value of type string; one of another type is left alone.
+    static void put(Cdr& cdr, const std::string& text) {
+        cdr << uint8_t(4) << false << int64_t(0) << 0.0 << text;
+        for (int list = 0; list < 5; ++list) cdr << uint32_t(0);
+    }
+
+    void start() {
+        get = client("get_parameters", "GetParameters", [this](Cdr& cdr) {
+            uint32_t count;
+            uint8_t type;
+            bool flag;
+            int64_t whole;
+            double real;
+            cdr >> count >> type >> flag >> whole >> real;
+            if (count == 1 && type == 4) cdr >> value;
+        });
+        set = client("set_parameters", "SetParameters", [this](Cdr& cdr) {
+            uint32_t count;
+            bool done;
+            cdr >> count >> done >> refusal;
+            if (count != 1 || done) refusal = "it was set";
+        });
+    }
+
+    // Until there is an answer: what is sent before the other side has matched is lost.
+    void ask() {
+        if (get && value.empty()) {
+            Bytes bytes = written([&](Cdr& cdr) { cdr << uint32_t(1) << name; });
+            get->write(&bytes);
+        }
+        if (set && refusal.empty()) {
+            Bytes bytes = written([&](Cdr& cdr) {
+                cdr << uint32_t(1) << name;
+                put(cdr, "another");
+            });
+            set->write(&bytes);
+        }
+    }
+};
+
 void call(const std::string& name, int value) {
     calls.push_back("[" + in_quotes(name) + "," + std::to_string(value) + "," + std::to_string(poses.size()) + "]");
 }
@@ -402,6 +455,9 @@ int main(int count, char** arguments) {
     reader("rt" + target, "geometry_msgs::msg::dds_::PoseStamped_", pose);
     DataWriter* joints = writer("rt/joint_states", "sensor_msgs::msg::dds_::JointState_");
 
+    Parameters parameters;
+    if (!parameters.name.empty()) parameters.start();
+
     std::vector<std::string> names = words(is("names"));
     std::vector<double> positions;
     for (auto& word : words(is("joints"))) positions.push_back(std::stod(word));
@@ -412,6 +468,7 @@ int main(int count, char** arguments) {
                 std::lock_guard<std::recursive_mutex> guard(lock);
                 if (gripper.how != "none") gripper.go_on();
                 if (kind == "joints") arm.go_on();
+                if (tick % 20 == 0) parameters.ask();
                 for (auto& [id, goal] : arm.all)
                     if (goal.status == 4) positions = goal.last;
                 Bytes bytes = written([&](Cdr& cdr) {
@@ -436,7 +493,8 @@ int main(int count, char** arguments) {
     std::lock_guard<std::recursive_mutex> guard(lock);
     std::cout << "{\"poses\":" << list(poses) << ",\"stamps\":" << list(stamps) << ",\"arrivals\":"
               << list(arrivals) << ",\"goals\":" << list(goals) << ",\"calls\":" << list(calls)
-              << ",\"cancels\":" << cancels << ",\"frames\":[" << (frame.empty() ? "" : in_quotes(frame))
+              << ",\"parameter\":" << in_quotes(parameters.value) << ",\"refusal\":"
+              << in_quotes(parameters.refusal) << ",\"cancels\":" << cancels << ",\"frames\":[" << (frame.empty() ? "" : in_quotes(frame))
               << "]}" << std::endl;
     std::_Exit(0);
 }
