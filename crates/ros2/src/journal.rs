@@ -90,10 +90,11 @@ impl Journal {
         }
     }
 
-    /// A journal in a file, and beside it, with the ending `mcap`, the same as a bag.
+    /// A journal in a file, and beside it, with the ending `mcap`, the same as a bag. Files that are
+    /// there are kept, as `name.1.jsonl` and `name.1.mcap` or with the next number that is free.
     ///
     /// # Errors
-    /// [`Error::Write`] when a file cannot be made, [`Error::Value`] when both would be one file.
+    /// [`Error::Write`] when a file cannot be made or moved, [`Error::Value`] when both would be one file.
     pub fn create(path: &Path, bag: Option<Target>) -> Result<(Self, Writer), Error> {
         let name = path.display().to_string();
         let fail = |reason| Error::Write {
@@ -104,10 +105,13 @@ impl Journal {
             let bound = "another ending than mcap, which the bag beside it has";
             return Err(Error::value("the command line", "--journal", name, bound));
         }
+        let bag_path = path.with_extension("mcap");
+        let both = [path, &bag_path];
+        keep(&both[..if bag.is_some() { 2 } else { 1 }]).map_err(fail)?;
         let file = BufWriter::new(File::create(path).map_err(fail)?);
         let bag = match bag {
             Some(target) => {
-                let path = path.with_extension("mcap");
+                let path = bag_path;
                 let bag = Bag::create(&path).map_err(|reason| Error::Write {
                     path: path.display().to_string(),
                     reason,
@@ -234,6 +238,27 @@ impl Writer {
     }
 }
 
+/// Moves the files that are there to a number that none of them has yet.
+fn keep(paths: &[&Path]) -> std::io::Result<()> {
+    let numbered = |path: &Path, number: u32| {
+        let ending = path.extension().map(|ending| ending.to_string_lossy());
+        path.with_extension(match ending {
+            Some(ending) => format!("{number}.{ending}"),
+            None => number.to_string(),
+        })
+    };
+    // A terminal or a pipe is not moved.
+    if !paths.iter().any(|path| path.is_file()) {
+        return Ok(());
+    }
+    let free = |number: &u32| !paths.iter().any(|path| numbered(path, *number).exists());
+    let number = (1..).find(free).unwrap_or_default();
+    for path in paths.iter().filter(|path| path.is_file()) {
+        std::fs::rename(path, numbered(path, number))?;
+    }
+    Ok(())
+}
+
 fn write(
     mut file: BufWriter<File>,
     mut bag: Option<(Bag, Target)>,
@@ -339,5 +364,25 @@ mod tests {
         };
         let same = Journal::create(&folder.path().join("run.mcap"), Some(target));
         assert!(same.unwrap_err().to_string().contains("another ending"));
+    }
+
+    #[test]
+    fn earlier_journals_are_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.jsonl");
+        for run in ["first", "second", "third"] {
+            let target = Target {
+                topic: "/a".into(),
+                frame: "b".into(),
+            };
+            let (journal, writer) = Journal::create(&path, Some(target)).unwrap();
+            journal.event(0.0, "run", run);
+            assert_eq!(writer.finish().unwrap(), 0);
+        }
+        for (name, run) in [("run.1", "first"), ("run.2", "second"), ("run", "third")] {
+            let text = std::fs::read_to_string(folder.path().join(format!("{name}.jsonl")));
+            assert!(text.unwrap().contains(run), "{name}");
+            assert!(folder.path().join(format!("{name}.mcap")).is_file());
+        }
     }
 }
