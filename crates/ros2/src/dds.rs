@@ -119,8 +119,8 @@ impl Bus {
             .map_err(|e| network("the node", e))?;
         declared.store(true, Ordering::Relaxed);
         let thread = |name: &str| std::thread::Builder::new().name(name.into());
-        // It makes readers of its own while we make ours, and under security two threads that make
-        // some block each other for good. Nothing but the parameters needs it.
+        // The library's spinner makes readers of its own while we make ours, and under security two
+        // threads that make some block each other for good. Nothing but the parameters needs it.
         if served {
             let spinner = node.spinner().map_err(|e| network("the node", e))?;
             thread("spinner")

@@ -6,7 +6,7 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
@@ -105,13 +105,13 @@ impl Journal {
             let bound = "another ending than mcap, which the bag beside it has";
             return Err(Error::value("the command line", "--journal", name, bound));
         }
-        let bag_path = path.with_extension("mcap");
-        let both = [path, &bag_path];
-        keep(&both[..if bag.is_some() { 2 } else { 1 }]).map_err(fail)?;
+        let mut files = vec![path.to_path_buf()];
+        files.extend(bag.is_some().then(|| path.with_extension("mcap")));
+        keep(&files).map_err(fail)?;
         let file = BufWriter::new(File::create(path).map_err(fail)?);
         let bag = match bag {
             Some(target) => {
-                let path = bag_path;
+                let path = path.with_extension("mcap");
                 let bag = Bag::create(&path).map_err(|reason| Error::Write {
                     path: path.display().to_string(),
                     reason,
@@ -239,7 +239,7 @@ impl Writer {
 }
 
 /// Moves the files that are there to a number that none of them has yet.
-fn keep(paths: &[&Path]) -> std::io::Result<()> {
+fn keep(paths: &[PathBuf]) -> std::io::Result<()> {
     let numbered = |path: &Path, number: u32| {
         let ending = path.extension().map(|ending| ending.to_string_lossy());
         path.with_extension(match ending {

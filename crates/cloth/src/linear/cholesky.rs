@@ -41,9 +41,9 @@ pub struct Cholesky {
     pub(super) panels: Vec<f64>,
     /// Update matrices waiting for their parents, by parity of the depth.
     pub(super) waiting: [Vec<f64>; 2],
-    /// The unknowns by front, each front's padded with zeros like its columns: so many a right hand
-    /// side.
+    /// How many unknowns a right hand side has, each front's padded with zeros like its columns.
     pub(super) padded: usize,
+    /// The unknowns by front, of one right hand side after the other.
     pub(super) unknowns: Vec<f64>,
     /// The part below of one column.
     pub(super) local: Vec<f64>,
