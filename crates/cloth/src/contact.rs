@@ -8,11 +8,13 @@
 //! `g = n . sum w x - d >= 0`, `r >= 0`, `g r = 0`; friction `|f| <= mu r`, opposite to the relative
 //! displacement, equal to it while sliding (Coulomb).
 
+use std::collections::HashSet;
+
 use selvedge_math::DVec3;
 
 use crate::Mesh;
-use crate::broad::{Bounds, Cells};
-use crate::distance::{Kind, combine, free_way, weights};
+use crate::broad::{Bounds, Moving, Tree};
+use crate::distance::{Kind, approach, combine, free_way, weights};
 use crate::nodes::{Kept, Nodes};
 use crate::support::Surface;
 use crate::surroundings::Part;
@@ -32,13 +34,28 @@ const CROSSING: f64 = 0.05;
 const LEVER: f64 = 0.01;
 /// Contacts are kept as they are while no node has moved further [m].
 const STILL: f64 = 5e-6;
-/// Pairs are looked for so many substeps ahead.
-const AHEAD: f64 = 1.5;
+/// Pairs are looked for so long ahead [s], or one substep.
+const AHEAD: f64 = 1.0 / 30.0;
+/// How far a node may get off its straight way in that time, as a share of the shortest edge; no less
+/// than the margin.
+const DRIFT: f64 = 0.1;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Pair {
     kind: Kind,
     nodes: [u32; 4],
+}
+
+impl Pair {
+    /// Whether the two come within `reach` on these ways, or nearly so: they cannot come nearer by more
+    /// than they move towards each other.
+    #[inline]
+    fn may_touch(&self, reach: f64, paths: &[[DVec3; 2]]) -> bool {
+        let nodes = self.nodes.map(|k| k as usize);
+        let (at, way) = (nodes.map(|k| paths[k][0]), nodes.map(|k| paths[k][1]));
+        let reach = reach + approach(self.kind, way);
+        combine(&weights(self.kind, &at), &at).length_squared() <= reach * reach
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -118,12 +135,15 @@ pub(crate) struct Contacts {
     /// All edges, diagonals too.
     edges: Vec<[u32; 2]>,
     thickness: f64,
-    cell: f64,
-    node_boxes: Vec<Bounds>,
-    /// How far each node can go without leaving its box [m].
-    ways: Vec<f64>,
-    boxes: Vec<Bounds>,
-    cells: Cells,
+    /// Corners and edges of each triangle that no triangle before has.
+    own: Vec<[bool; 6]>,
+    tree: Tree,
+    /// Where each node was when pairs were looked for, and the way [m] it was going to go.
+    paths: Vec<[DVec3; 2]>,
+    /// How far it may get off that way [m].
+    drift: f64,
+    /// The time of that way: its start and its length [s].
+    ahead: [f64; 2],
     pairs: Vec<Pair>,
     contacts: Vec<Contact>,
     before: Vec<Contact>,
@@ -159,20 +179,21 @@ impl Contacts {
         edges.sort_unstable();
         let rest = mesh.rest();
         let length = |e: &[u32; 2]| rest[e[0] as usize].distance(rest[e[1] as usize]);
-        let mean = mesh.edges().iter().map(length).sum::<f64>() / mesh.edges().len() as f64;
         let shortest = mesh
             .edges()
             .iter()
             .map(length)
             .fold(f64::INFINITY, f64::min);
+        let centre = |t: &[u32; 3]| t.iter().map(|&k| rest[k as usize]).sum::<DVec3>() / 3.0;
+        let centres: Vec<DVec3> = triangles.iter().map(centre).collect();
         Self {
             // Neighbours that share no node are at least one edge apart.
             thickness: thickness.min(0.5 * shortest),
-            cell: 1.2 * mean,
-            node_boxes: vec![Bounds::NONE; mesh.node_count()],
-            ways: vec![0.0; mesh.node_count()],
-            boxes: Vec::with_capacity(edges.len()),
-            cells: Cells::default(),
+            own: own_parts(&triangles),
+            tree: Tree::new(&centres),
+            paths: vec![[DVec3::ZERO; 2]; rest.len()],
+            drift: MARGIN.max(DRIFT * shortest),
+            ahead: NEVER,
             pairs: Vec::new(),
             contacts: Vec::new(),
             before: Vec::new(),
@@ -218,7 +239,7 @@ impl Contacts {
     /// Pairs are looked for anew.
     pub(crate) fn forget(&mut self) {
         self.fresh = false;
-        self.node_boxes.fill(Bounds::NONE);
+        self.ahead = NEVER;
     }
 
     /// All edges and faces.
@@ -233,74 +254,73 @@ impl Contacts {
         self.fresh = false;
     }
 
-    /// Finds the pairs that may come near on the way from `x` to `guess`; false when there are too
-    /// many to be looked at.
-    pub(crate) fn find(&mut self, x: &[DVec3], guess: &[DVec3]) -> bool {
-        let reach = 0.5 * self.thickness + MARGIN;
-        let boxes = self.node_boxes.iter_mut().zip(&mut self.ways);
-        for ((b, way), (x, g)) in boxes.zip(x.iter().zip(guess)) {
-            let distance = x.distance(*g);
-            let slack = reach + AHEAD * distance;
-            b.low = x.min(*g) - slack;
-            b.high = x.max(*g) + slack;
-            *way = distance + 3.0_f64.sqrt() * (slack - 0.5 * self.thickness);
+    /// Finds the pairs that may come near while the nodes go on as in the substep of `h` [s] from `now`
+    /// [s] on, in which they go from `x` to `guess`; false when there are too many to be looked at.
+    pub(crate) fn find(&mut self, [x, guess]: [&[DVec3]; 2], now: f64, h: f64) -> bool {
+        let substeps = (AHEAD / h).max(1.0);
+        self.ahead = [now, substeps * h];
+        for (path, (x, guess)) in self.paths.iter_mut().zip(x.iter().zip(guess)) {
+            *path = [*x, substeps * (*guess - *x)];
         }
         self.fresh = false;
         self.pairs.clear();
-        let (pairs, node_boxes) = (&mut self.pairs, &self.node_boxes);
-        let join = |nodes: &[u32]| {
-            let first = node_boxes[nodes[0] as usize];
-            nodes[1..]
-                .iter()
-                .fold(first, |all, &k| all.join(&node_boxes[k as usize]))
-        };
-        self.boxes.clear();
-        self.boxes.extend(self.triangles.iter().map(|t| join(t)));
-        self.cells.fill(&self.boxes, self.cell);
-        for (node, b) in node_boxes.iter().enumerate() {
-            let node = node as u32;
-            self.cells.overlaps(b, &self.boxes, 0, |k| {
-                let [a, b, c] = self.triangles[k as usize];
-                if node != a && node != b && node != c && pairs.len() < self.most_pairs {
-                    pairs.push(Pair {
-                        kind: Kind::NodeTriangle,
-                        nodes: [node, a, b, c],
-                    });
-                }
-            });
-        }
-        self.boxes.clear();
-        self.boxes.extend(self.edges.iter().map(|e| join(e)));
-        self.cells.fill(&self.boxes, self.cell);
-        for (k, b) in self.boxes.iter().enumerate() {
-            let [p, q] = self.edges[k];
-            self.cells.overlaps(b, &self.boxes, k as u32 + 1, |other| {
-                let [r, s] = self.edges[other as usize];
-                let apart = p != r && p != s && q != r && q != s;
-                if apart && pairs.len() < self.most_pairs {
-                    pairs.push(Pair {
-                        kind: Kind::EdgeEdge,
-                        nodes: [p, q, r, s],
-                    });
-                }
-            });
-        }
-        let found = self.pairs.len() < self.most_pairs;
-        // Only those that can touch while every node stays in its box
-        let (ways, thickness) = (&self.ways, self.thickness);
-        self.pairs.retain(|pair| {
-            let way = pair.nodes.map(|k| ways[k as usize]);
-            let first = if pair.kind == Kind::NodeTriangle {
-                1
-            } else {
-                2
+        let reach = self.thickness + MARGIN + 2.0 * self.drift;
+        let most = self.most_pairs;
+        let Self {
+            paths,
+            triangles,
+            pairs,
+            own,
+            ..
+        } = self;
+        self.tree.set_boxes(|t| {
+            let around = |k: u32| {
+                let [at, way] = paths[k as usize];
+                let [start, end] = [at, at + way].map(|at| Bounds {
+                    low: at - 0.5 * reach,
+                    high: at + 0.5 * reach,
+                });
+                Moving { start, end }
             };
-            let longest = |ways: &[f64]| ways.iter().fold(0.0_f64, |a, b| a.max(*b));
-            let reach = thickness + longest(&way[..first]) + longest(&way[first..]);
-            let at = pair.nodes.map(|k| x[k as usize]);
-            combine(&weights(pair.kind, &at), &at).length_squared() <= reach * reach
+            let [a, b, c] = triangles[t as usize].map(around);
+            a.join(&b).join(&c)
         });
-        found
+        self.tree.meetings(|first, second| {
+            let ways = [first, second].map(|t| triangles[t as usize].map(|k| paths[k as usize][1]));
+            let off = ways.map(|side| {
+                let off = side.map(|way| way.distance_squared(ways[0][0]));
+                off[0].max(off[1]).max(off[2]).sqrt()
+            });
+            let far = reach + off[0] + off[1];
+            let mut add = |kind: Kind, nodes: [u32; 4]| {
+                let (pair, at) = (Pair { kind, nodes }, nodes.map(|k| paths[k as usize][0]));
+                if near(kind, &at, &at, far) && pair.may_touch(reach, paths) {
+                    pairs.push(pair);
+                }
+            };
+            for [of, other] in [[first, second], [second, first]] {
+                let [a, b, c] = triangles[other as usize];
+                for (node, own) in triangles[of as usize].into_iter().zip(own[of as usize]) {
+                    if own && node != a && node != b && node != c {
+                        add(Kind::NodeTriangle, [node, a, b, c]);
+                    }
+                }
+            }
+            let edges_of = |t: u32| {
+                let all = edges(&triangles[t as usize]).into_iter();
+                let own = all.zip(&own[t as usize][3..]).filter(|(_, own)| **own);
+                own.map(|(edge, _)| edge)
+            };
+            for e in edges_of(first) {
+                for f in edges_of(second) {
+                    let ([p, q], [r, s]) = (e.min(f), e.max(f));
+                    if p != r && p != s && q != r && q != s {
+                        add(Kind::EdgeEdge, [p, q, r, s]);
+                    }
+                }
+            }
+            pairs.len() < most
+        })
     }
 
     /// Makes contacts of the pairs that may touch in a substep of `h` [s], and adds those `on_ground`;
@@ -532,14 +552,41 @@ impl Contacts {
         passage
     }
 
-    /// Whether every node is still within the box that the pairs were looked for in.
-    pub(crate) fn covers(&self, x: &[DVec3]) -> bool {
-        let half = 0.5 * self.thickness;
-        self.node_boxes
-            .iter()
-            .zip(x)
-            .all(|(b, x)| (b.low + half).cmple(*x).all() && x.cmple(b.high - half).all())
+    /// Whether the pairs are those of the substep of `h` [s] from `now` [s] on too: every node is near
+    /// enough to the way that it was going to go.
+    pub(crate) fn covers(&self, [x, end]: [&[DVec3]; 2], now: f64, h: f64) -> bool {
+        let [since, length] = self.ahead;
+        let mut shares = [now, now + h].map(|time| (time - since) / length);
+        if shares[1] > 1.0 + 1e-9 {
+            // The pairs are those of nodes that stay where the way ends, too.
+            shares = [1.0; 2];
+        }
+        let near = |at: &DVec3, [from, way]: &[DVec3; 2], share: f64| {
+            at.distance_squared(*from + *way * share) <= self.drift * self.drift
+        };
+        let mut nodes = x.iter().zip(end).zip(&self.paths);
+        shares[0] >= -1e-9
+            && nodes.all(|((x, end), path)| near(x, path, shares[0]) && near(end, path, shares[1]))
     }
+}
+
+/// The way of pairs that were never looked for.
+const NEVER: [f64; 2] = [f64::NAN; 2];
+
+/// The edges of a triangle, each with its lower node first.
+fn edges(&[a, b, c]: &[u32; 3]) -> [[u32; 2]; 3] {
+    [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)])
+}
+
+/// Which corners and edges of each triangle no triangle before has.
+fn own_parts(triangles: &[[u32; 3]]) -> Vec<[bool; 6]> {
+    let (mut corners, mut sides) = (HashSet::new(), HashSet::new());
+    let own = triangles.iter().map(|triangle| {
+        let [a, b, c] = triangle.map(|k| corners.insert(k));
+        let [d, e, f] = edges(triangle).map(|edge| sides.insert(edge));
+        [a, b, c, d, e, f]
+    });
+    own.collect()
 }
 
 /// Whether the boxes around the ways of the two features come within `reach`: a cheap test that

@@ -81,6 +81,18 @@ pub(crate) enum Kind {
     EdgeEdge,
 }
 
+/// How far the two features at most move towards each other when their nodes go these ways [m]: what
+/// they have in common does not count.
+#[inline]
+pub(crate) fn approach(kind: Kind, ways: [DVec3; 4]) -> f64 {
+    let mean = 0.25 * (ways[0] + ways[1] + ways[2] + ways[3]);
+    let [a, b, c, d] = ways.map(|way| (way - mean).length());
+    match kind {
+        Kind::NodeTriangle => a + b.max(c).max(d),
+        Kind::EdgeEdge => a.max(b) + c.max(d),
+    }
+}
+
 /// Weights `w` with `sum w x` the vector from the second feature's nearest point to the first's.
 #[inline]
 pub(crate) fn weights(kind: Kind, x: &[DVec3; 4]) -> [f64; 4] {
@@ -108,12 +120,8 @@ pub(crate) fn combine(weights: &[f64; 4], x: &[DVec3; 4]) -> DVec3 {
 /// Conservative advancement (Li et al. 2021, additive CCD): in the remaining way the distance cannot
 /// shrink by more than the two features move towards each other.
 pub(crate) fn free_way(kind: Kind, start: &[DVec3; 4], end: &[DVec3; 4], share: f64) -> f64 {
-    let mut way = [0, 1, 2, 3].map(|k| end[k] - start[k]);
-    let mean = 0.25 * (way[0] + way[1] + way[2] + way[3]);
-    way.iter_mut().for_each(|w| *w -= mean);
-    let longest = |range: &[DVec3]| range.iter().fold(0.0, |m: f64, w| m.max(w.length()));
-    let first = if kind == Kind::NodeTriangle { 1 } else { 2 };
-    let bound = longest(&way[..first]) + longest(&way[first..]);
+    let way = [0, 1, 2, 3].map(|k| end[k] - start[k]);
+    let bound = approach(kind, way);
     let distance = |t: f64| {
         let x = [0, 1, 2, 3].map(|k| start[k] + t * way[k]);
         combine(&weights(kind, &x), &x).length()
