@@ -14,7 +14,7 @@ use selvedge_math::DVec3;
 
 use crate::Mesh;
 use crate::broad::{Bounds, Moving, Tree};
-use crate::distance::{Kind, approach, combine, free_way, weights};
+use crate::distance::{Course, Kind, approach, combine, distance, weights};
 use crate::nodes::{Kept, Nodes};
 use crate::support::Surface;
 use crate::surroundings::Part;
@@ -54,7 +54,7 @@ impl Pair {
         let nodes = self.nodes.map(|k| k as usize);
         let (at, way) = (nodes.map(|k| paths[k][0]), nodes.map(|k| paths[k][1]));
         let reach = reach + approach(self.kind, way);
-        combine(&weights(self.kind, &at), &at).length_squared() <= reach * reach
+        distance(self.kind, &at) <= reach
     }
 }
 
@@ -541,9 +541,11 @@ impl Contacts {
             if !near(pair.kind, &a, &b, self.thickness + MARGIN) {
                 continue;
             }
-            let way = free_way(pair.kind, &a, &b, LEAST_SHARE);
-            passage.free = passage.free.min(way);
-            least = least.min(combine(&weights(pair.kind, &b), &b).length());
+            let course = Course::new(pair.kind, &a, &b);
+            passage.free = passage.free.min(course.free(LEAST_SHARE));
+            if course.at_start - course.bound < least {
+                least = least.min(distance(pair.kind, &b));
+            }
         }
         if least.is_finite() {
             passage.gap = Some(least - self.thickness);

@@ -86,11 +86,18 @@ pub(crate) enum Kind {
 #[inline]
 pub(crate) fn approach(kind: Kind, ways: [DVec3; 4]) -> f64 {
     let mean = 0.25 * (ways[0] + ways[1] + ways[2] + ways[3]);
-    let [a, b, c, d] = ways.map(|way| (way - mean).length());
-    match kind {
-        Kind::NodeTriangle => a + b.max(c).max(d),
-        Kind::EdgeEdge => a.max(b) + c.max(d),
-    }
+    let [a, b, c, d] = ways.map(|way| way.distance_squared(mean));
+    let [first, second] = match kind {
+        Kind::NodeTriangle => [a, b.max(c).max(d)],
+        Kind::EdgeEdge => [a.max(b), c.max(d)],
+    };
+    first.sqrt() + second.sqrt()
+}
+
+/// Distance of the two features.
+#[inline]
+pub(crate) fn distance(kind: Kind, x: &[DVec3; 4]) -> f64 {
+    combine(&weights(kind, x), x).length()
 }
 
 /// Weights `w` with `sum w x` the vector from the second feature's nearest point to the first's.
@@ -114,20 +121,42 @@ pub(crate) fn combine(weights: &[f64; 4], x: &[DVec3; 4]) -> DVec3 {
     x[0] * weights[0] + x[1] * weights[1] + x[2] * weights[2] + x[3] * weights[3]
 }
 
-/// How far the pair can go along its way from `start` to `end` (each node straight) before its
-/// distance has shrunk to `share` of that at the start: 1 for the whole way, never too much.
-///
-/// Conservative advancement (Li et al. 2021, additive CCD): in the remaining way the distance cannot
-/// shrink by more than the two features move towards each other.
-pub(crate) fn free_way(kind: Kind, start: &[DVec3; 4], end: &[DVec3; 4], share: f64) -> f64 {
-    let way = [0, 1, 2, 3].map(|k| end[k] - start[k]);
-    let bound = approach(kind, way);
-    let distance = |t: f64| {
-        let x = [0, 1, 2, 3].map(|k| start[k] + t * way[k]);
-        combine(&weights(kind, &x), &x).length()
-    };
-    let at_start = distance(0.0);
-    advance(bound, at_start, share * at_start, distance)
+/// A pair whose nodes go straight from `start` to `end`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Course<'a> {
+    kind: Kind,
+    start: &'a [DVec3; 4],
+    way: [DVec3; 4],
+    /// Distance at the start, and by how much it changes at most [m].
+    pub(crate) at_start: f64,
+    pub(crate) bound: f64,
+}
+
+impl<'a> Course<'a> {
+    #[inline]
+    pub(crate) fn new(kind: Kind, start: &'a [DVec3; 4], end: &[DVec3; 4]) -> Self {
+        let way = [0, 1, 2, 3].map(|k| end[k] - start[k]);
+        Self {
+            kind,
+            start,
+            way,
+            at_start: distance(kind, start),
+            bound: approach(kind, way),
+        }
+    }
+
+    /// How far the pair can go before its distance has shrunk to `share` of that at the start: 1 for the
+    /// whole way, never too much.
+    ///
+    /// Conservative advancement (Li et al. 2021, additive CCD): in the remaining way the distance cannot
+    /// shrink by more than the two features move towards each other.
+    #[inline]
+    pub(crate) fn free(&self, share: f64) -> f64 {
+        advance(self.bound, self.at_start, share * self.at_start, |t| {
+            let at = [0, 1, 2, 3].map(|k| self.start[k] + t * self.way[k]);
+            distance(self.kind, &at)
+        })
+    }
 }
 
 /// How far one can go in `[0, 1]` before a distance that changes by `bound` at most on the whole way
@@ -205,15 +234,15 @@ mod tests {
             let start = [0; 4].map(|_| point(&mut state));
             let end = start.map(|x| x + 2.0 * point(&mut state));
             for kind in [Kind::NodeTriangle, Kind::EdgeEdge] {
-                let distance = |t: f64| {
-                    let x = [0, 1, 2, 3].map(|k| start[k].lerp(end[k], t));
-                    combine(&weights(kind, &x), &x).length()
-                };
-                let free = free_way(kind, &start, &end, 0.1);
+                let at = |t: f64| [0, 1, 2, 3].map(|k| start[k].lerp(end[k], t));
+                let course = Course::new(kind, &start, &end);
+                let free = course.free(0.1);
                 cut += usize::from(free < 1.0);
                 for k in 0..=50 {
-                    let d = distance(free * f64::from(k) / 50.0);
-                    assert!(d >= 0.1 * distance(0.0) - 1e-12, "{kind:?} {d}");
+                    let d = distance(kind, &at(free * f64::from(k) / 50.0));
+                    assert!(d >= 0.1 * course.at_start - 1e-12, "{kind:?} {d}");
+                    let any = distance(kind, &at(f64::from(k) / 50.0));
+                    assert!((any - course.at_start).abs() <= course.bound + 1e-12);
                 }
             }
         }

@@ -7,7 +7,7 @@ use selvedge_math::DVec3;
 
 use crate::broad::Bounds;
 use crate::distance::{
-    Kind, advance, free_way, nearest_on_segment, nearest_on_segments, nearest_on_triangle,
+    Course, Kind, advance, nearest_on_segment, nearest_on_segments, nearest_on_triangle,
 };
 use crate::shape::Shape;
 use crate::solid::{DEPTH, Feature, SLACK, Solid};
@@ -140,11 +140,12 @@ impl Shape {
                     let way = match (is_edge, feature) {
                         (true, Feature::Edge { inner: [p, q], .. }) => {
                             let with = |x: &[DVec3; 3]| [x[0], x[1], *p, *q];
-                            free_way(Kind::EdgeEdge, &with(start), &with(end), LEAST_SHARE)
+                            Course::new(Kind::EdgeEdge, &with(start), &with(end)).free(LEAST_SHARE)
                         }
                         (false, Feature::Corner { inner, .. }) => {
                             let with = |x: &[DVec3; 3]| [*inner, x[0], x[1], x[2]];
-                            free_way(Kind::NodeTriangle, &with(start), &with(end), LEAST_SHARE)
+                            Course::new(Kind::NodeTriangle, &with(start), &with(end))
+                                .free(LEAST_SHARE)
                         }
                         _ => 1.0,
                     };
