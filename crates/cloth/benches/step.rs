@@ -1,7 +1,8 @@
-//! What a step of 1/60 s costs: a sheet at rest, the sheet of the paper's table lifted by a corner,
-//! and the same on meshes of 168 to 10304 nodes.
+//! What a step of 1/60 s costs: a sheet at rest, and a second of three motions on meshes of 168 to 10304
+//! nodes.
 
 use std::hint::black_box;
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
@@ -11,24 +12,64 @@ use selvedge_math::{ClothSimulator, DVec3, Held};
 const DT: f64 = 1.0 / 60.0;
 const SIDES: [f64; 2] = [0.42, 0.59];
 
-fn sheet(nodes: [usize; 2]) -> (Mesh, Simulator) {
+/// A motion of a second from a flat sheet at rest.
+struct Motion {
+    name: &'static str,
+    table: bool,
+    /// Which nodes are held, and where they go [m].
+    held: fn([usize; 2]) -> Range<usize>,
+    way: DVec3,
+}
+
+const MOTIONS: [Motion; 3] = [
+    Motion {
+        name: "lifted by a corner and drawn inwards",
+        table: true,
+        held: |[a, b]| a * b - 1..a * b,
+        way: DVec3::new(0.0, -0.1, 0.12),
+    },
+    Motion {
+        name: "raised by a side",
+        table: true,
+        held: |[a, b]| a * b - a..a * b,
+        way: DVec3::new(0.0, 0.0, 0.25),
+    },
+    Motion {
+        name: "let fall from a side that stays",
+        table: false,
+        held: |[a, _]| 0..a,
+        way: DVec3::ZERO,
+    },
+];
+
+fn sheet(nodes: [usize; 2], table: bool) -> (Mesh, Simulator) {
+    let settings = Settings {
+        table,
+        ..Settings::default()
+    };
     let mesh = Mesh::grid(nodes, SIDES).expect("a grid");
-    let cloth = Simulator::new(&mesh, Material::default(), Settings::default()).expect("a cloth");
+    let cloth = Simulator::new(&mesh, Material::default(), settings).expect("a cloth");
     (mesh, cloth)
 }
 
-/// Lifts the last corner by 12 cm and 10 cm inwards within a second, and says how long a step took.
-fn lift(mesh: &Mesh, cloth: &mut Simulator) -> Duration {
+/// How long a step of a motion took.
+fn perform(motion: &Motion, nodes: [usize; 2], mesh: &Mesh, cloth: &mut Simulator) -> Duration {
     let steps = 60;
-    let (corner, start) = (mesh.node_count() - 1, mesh.rest()[mesh.node_count() - 1]);
+    let held = (motion.held)(nodes);
+    let ids: Vec<u32> = held.clone().map(|k| k as u32).collect();
+    let starts = &mesh.rest()[held];
+    let velocities = vec![DVec3::ZERO; ids.len()];
+    let mut targets = starts.to_vec();
     let before = Instant::now();
     for k in 1..=steps {
-        let s = f64::from(k) / 60.0;
-        let target = start + s * s * (3.0 - 2.0 * s) * DVec3::new(0.0, -0.1, 0.12);
+        let s = f64::from(k) / f64::from(steps);
+        for (target, start) in targets.iter_mut().zip(starts) {
+            *target = *start + s * s * (3.0 - 2.0 * s) * motion.way;
+        }
         let held = Held {
-            nodes: &[corner as u32],
-            targets: &[target],
-            velocities: &[DVec3::ZERO],
+            nodes: &ids,
+            targets: &targets,
+            velocities: &velocities,
         };
         black_box(cloth.step(held, DT).expect("a step"));
     }
@@ -36,7 +77,7 @@ fn lift(mesh: &Mesh, cloth: &mut Simulator) -> Duration {
 }
 
 fn rest(c: &mut Criterion) {
-    let (_, mut cloth) = sheet([23, 28]);
+    let (_, mut cloth) = sheet([23, 28], true);
     for _ in 0..30 {
         cloth.step(Held::NONE, DT).expect("a step");
     }
@@ -46,23 +87,25 @@ fn rest(c: &mut Criterion) {
 }
 
 fn growth(c: &mut Criterion) {
-    let mut group = c.benchmark_group("a step of a sheet lifted by a corner");
-    group.sample_size(10);
-    for nodes in [[12, 14], [23, 28], [46, 56], [92, 112]] {
-        let (mesh, mut cloth) = sheet(nodes);
-        let zero = vec![DVec3::ZERO; mesh.node_count()];
-        group.bench_function(BenchmarkId::from_parameter(mesh.node_count()), |b| {
-            b.iter_custom(|repeats| {
-                let mut spent = Duration::ZERO;
-                for _ in 0..repeats {
-                    cloth.reset(mesh.rest(), &zero).expect("its own shape");
-                    spent += lift(&mesh, &mut cloth);
-                }
-                spent
+    for motion in &MOTIONS {
+        let mut group = c.benchmark_group(format!("a step of a sheet {}", motion.name));
+        group.sample_size(10);
+        for nodes in [[12, 14], [23, 28], [46, 56], [92, 112]] {
+            let (mesh, mut cloth) = sheet(nodes, motion.table);
+            let zero = vec![DVec3::ZERO; mesh.node_count()];
+            group.bench_function(BenchmarkId::from_parameter(mesh.node_count()), |b| {
+                b.iter_custom(|repeats| {
+                    let mut spent = Duration::ZERO;
+                    for _ in 0..repeats {
+                        cloth.reset(mesh.rest(), &zero).expect("its own shape");
+                        spent += perform(motion, nodes, &mesh, &mut cloth);
+                    }
+                    spent
+                });
             });
-        });
+        }
+        group.finish();
     }
-    group.finish();
 }
 
 criterion_group!(benches, rest, growth);
