@@ -255,7 +255,8 @@ impl Contacts {
     }
 
     /// Finds the pairs that may come near while the nodes go on as in the substep of `h` [s] from `now`
-    /// [s] on, in which they go from `x` to `guess`; false when there are too many to be looked at.
+    /// [s] on, in which they go from `x` to `guess`; false when there are too many to be looked at, or a way is not
+    /// finite.
     pub(crate) fn find(&mut self, [x, guess]: [&[DVec3]; 2], now: f64, h: f64) -> bool {
         let substeps = (AHEAD / h).max(1.0);
         self.ahead = [now, substeps * h];
@@ -264,6 +265,10 @@ impl Contacts {
         }
         self.fresh = false;
         self.pairs.clear();
+        if !self.paths.iter().all(|[_, way]| way.is_finite()) {
+            self.ahead = NEVER;
+            return false;
+        }
         let reach = self.thickness + MARGIN + 2.0 * self.drift;
         let most = self.most_pairs;
         let Self {
