@@ -255,18 +255,17 @@ impl Contacts {
     }
 
     /// Finds the pairs that may come near while the nodes go on as in the substep of `h` [s] from `now`
-    /// [s] on, in which they go from `x` to `guess`; false when there are too many to be looked at, or a way is not
-    /// finite.
+    /// [s] on, in which they go from `x` to `guess`; false when there are too many to be looked at, or a
+    /// way is not finite: they are looked for anew then.
     pub(crate) fn find(&mut self, [x, guess]: [&[DVec3]; 2], now: f64, h: f64) -> bool {
         let substeps = (AHEAD / h).max(1.0);
-        self.ahead = [now, substeps * h];
+        self.ahead = NEVER;
         for (path, (x, guess)) in self.paths.iter_mut().zip(x.iter().zip(guess)) {
             *path = [*x, substeps * (*guess - *x)];
         }
         self.fresh = false;
         self.pairs.clear();
         if !self.paths.iter().all(|[_, way]| way.is_finite()) {
-            self.ahead = NEVER;
             return false;
         }
         let reach = self.thickness + MARGIN + 2.0 * self.drift;
@@ -290,7 +289,8 @@ impl Contacts {
             let [a, b, c] = triangles[t as usize].map(around);
             a.join(&b).join(&c)
         });
-        self.tree.meetings(|first, second| {
+        let found = self.tree.meetings(|first, second| {
+            // Far is what no two of their nodes bring together, a cheaper bound than that of each pair.
             let ways = [first, second].map(|t| triangles[t as usize].map(|k| paths[k as usize][1]));
             let off = ways.map(|side| {
                 let off = side.map(|way| way.distance_squared(ways[0][0]));
@@ -325,7 +325,11 @@ impl Contacts {
                 }
             }
             pairs.len() < most
-        })
+        });
+        if found {
+            self.ahead = [now, substeps * h];
+        }
+        found
     }
 
     /// Makes contacts of the pairs that may touch in a substep of `h` [s], and adds those `on_ground`;

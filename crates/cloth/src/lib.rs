@@ -136,8 +136,10 @@ pub enum Error {
         /// What is allowed.
         bound: &'static str,
     },
-    /// More features are near each other than a cloth of this size can have.
-    #[error("the cloth has collapsed: too many of its faces are in one place")]
+    /// More features are near each other than a cloth of this size can have, or their ways are not finite.
+    #[error(
+        "the cloth has collapsed: too many of its faces are in one place, or go nowhere finite"
+    )]
     Crowded,
 }
 
