@@ -25,8 +25,6 @@ pub(crate) struct Predictor {
     diagonal: Vec<u32>,
     /// Stiffness of the grip on each held node [N/m], zero for others.
     grips: Vec<f64>,
-    /// The three axes, one after the other.
-    columns: Vec<f64>,
     h: f64,
     /// Masses for this `h`, which make the decay by drag exact.
     pub(crate) masses: Vec<f64>,
@@ -59,7 +57,6 @@ impl Predictor {
             diagonal: (0..n as u32).map(|k| place(k, k)).collect(),
             grips: vec![0.0; n],
             entries,
-            columns: vec![0.0; 3 * n],
             h: 0.0,
             masses: vec![0.0; n],
         })
@@ -133,17 +130,10 @@ impl Predictor {
 
     /// Solves `E u = load` and puts `start + u` into `x`.
     pub(crate) fn solve(&mut self, load: &[DVec3], start: &[DVec3], x: &mut [DVec3]) {
-        let n = load.len();
-        for (axis, column) in self.columns.chunks_exact_mut(n).enumerate() {
-            for (value, load) in column.iter_mut().zip(load) {
-                *value = load[axis];
-            }
-        }
-        self.cholesky.solve_all::<3>(&mut self.columns);
-        for (axis, column) in self.columns.chunks_exact(n).enumerate() {
-            for ((x, start), value) in x.iter_mut().zip(start).zip(column) {
-                x[axis] = start[axis] + value;
-            }
+        x.copy_from_slice(load);
+        self.cholesky.solve_points(x);
+        for (x, start) in x.iter_mut().zip(start) {
+            *x += *start;
         }
     }
 }

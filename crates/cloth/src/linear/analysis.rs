@@ -8,6 +8,7 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::linalg::{SupernodalThreshold, SymbolicSupernodalParams};
 
 use super::cholesky::{Cholesky, Front};
+use super::points::POINT;
 use super::simd::BLOCK;
 use crate::Error;
 
@@ -174,7 +175,7 @@ impl Cholesky {
             waiting: needed.map(|size| vec![0.0; size]),
             padded: unknowns,
             unknowns: Vec::new(),
-            local: vec![0.0; longest],
+            local: vec![0.0; POINT * longest],
         })
     }
 }

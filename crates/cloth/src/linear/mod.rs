@@ -9,6 +9,7 @@ mod analysis;
 mod cholesky;
 mod dense;
 mod factor;
+mod points;
 mod simd;
 mod solve;
 

@@ -3,10 +3,10 @@
 use super::cholesky::{Cholesky, Front};
 use super::simd::{BLOCK, Simd, WithSimd, vectors, vectors_mut};
 
-/// Solves in place for the unknowns of so many right hand sides, which share each look at a front.
-pub(super) struct Solve<'a, const COUNT: usize>(pub(super) &'a mut Cholesky);
+/// Solves in place for the unknowns.
+pub(super) struct Solve<'a>(pub(super) &'a mut Cholesky);
 
-impl<const COUNT: usize> WithSimd for Solve<'_, COUNT> {
+impl WithSimd for Solve<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -15,29 +15,21 @@ impl<const COUNT: usize> WithSimd for Solve<'_, COUNT> {
             fronts,
             rows,
             panels,
-            padded,
             unknowns,
             local,
             ..
         } = self.0;
-        let padded = *padded;
         // L y = b
         for front in &*fronts {
             let panel = &panels[front.panel..][..front.columns * front.height()];
             let rows = &rows[front.row..][..front.below];
-            for k in 0..COUNT {
-                let x = &mut unknowns[k * padded..][..padded];
-                down(simd, front, panel, rows, x, local);
-            }
+            down(simd, front, panel, rows, unknowns, local);
         }
         // L^T x = y
         for front in fronts.iter().rev() {
             let panel = &panels[front.panel..][..front.columns * front.height()];
             let rows = &rows[front.row..][..front.below];
-            for k in 0..COUNT {
-                let x = &mut unknowns[k * padded..][..padded];
-                up(simd, front, panel, rows, x, local);
-            }
+            up(simd, front, panel, rows, unknowns, local);
         }
     }
 }
