@@ -2,6 +2,7 @@
 //!
 //! Boxes move linearly, so parts that move together do not meet, however far they go.
 
+use glam::Vec3A;
 use selvedge_math::DVec3;
 
 /// An axis-aligned box.
@@ -12,10 +13,6 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
-    pub(crate) fn overlaps(&self, other: &Self) -> bool {
-        self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
-    }
-
     pub(crate) fn join(&self, other: &Self) -> Self {
         Self {
             low: self.low.min(other.low),
@@ -25,46 +22,64 @@ impl Bounds {
 }
 
 /// A box whose corners go straight from where they are at the start to where they are at the end,
-/// all in the same time.
+/// all in the same time. Of single precision, rounded outwards: what is in the box stays in it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moving {
-    pub(crate) start: Bounds,
-    pub(crate) end: Bounds,
+    /// Lower and upper corner, at the start and at the end.
+    low: [Vec3A; 2],
+    high: [Vec3A; 2],
 }
 
 impl Moving {
+    const NOWHERE: Self = Self {
+        low: [Vec3A::ZERO; 2],
+        high: [Vec3A::ZERO; 2],
+    };
+
+    /// The box around a point, so large to each side, that goes from `start` to `end`.
+    #[inline]
+    pub(crate) fn around([start, end]: [DVec3; 2], side: f64) -> Self {
+        // Half a unit in the last place is lost in rounding, and another half in this subtraction.
+        let slack = |x: Vec3A| x.abs() * (1.5 * f32::EPSILON);
+        let low = [start - side, end - side].map(|x| x.as_vec3a());
+        let high = [start + side, end + side].map(|x| x.as_vec3a());
+        Self {
+            low: low.map(|x| x - slack(x)),
+            high: high.map(|x| x + slack(x)),
+        }
+    }
+
     /// A box that holds both all the time.
+    #[inline]
     pub(crate) fn join(&self, other: &Self) -> Self {
         Self {
-            start: self.start.join(&other.start),
-            end: self.end.join(&other.end),
+            low: [0, 1].map(|k| self.low[k].min(other.low[k])),
+            high: [0, 1].map(|k| self.high[k].max(other.high[k])),
         }
     }
 
     /// Whether the two overlap at any time.
     #[inline]
     pub(crate) fn meets(&self, other: &Self) -> bool {
-        if self.start.overlaps(&other.start) {
+        // Along each axis the one has come to the other where `a` is positive, and not passed it yet
+        // where `b` is.
+        let a = [0, 1].map(|k| self.high[k] - other.low[k]);
+        let b = [0, 1].map(|k| other.high[k] - self.low[k]);
+        if a[0].min(b[0]).cmpge(Vec3A::ZERO).all() {
             return true;
         }
-        // Along each axis they overlap from when the one has come to the other until it has passed it.
-        let (mut from, mut to) = (0.0_f64, 1.0_f64);
-        for (a, b) in [(self, other), (other, self)] {
-            let (start, end) = (a.start.high - b.start.low, a.end.high - b.end.low);
-            if start.max(end).cmplt(DVec3::ZERO).any() {
-                return false;
-            }
-            for axis in 0..3 {
-                let zero = start[axis] / (start[axis] - end[axis]);
-                if start[axis] < 0.0 {
-                    from = from.max(zero);
-                } else if end[axis] < 0.0 {
-                    to = to.min(zero);
-                }
-            }
+        if a[0].max(a[1]).min(b[0].max(b[1])).cmplt(Vec3A::ZERO).any() {
+            return false;
+        }
+        let (mut from, mut to) = (Vec3A::ZERO, Vec3A::ONE);
+        for [start, end] in [a, b] {
+            let zero = start / (start - end);
+            let (later, earlier) = (start.cmplt(Vec3A::ZERO), end.cmplt(Vec3A::ZERO));
+            from = from.max(Vec3A::select(later, zero, Vec3A::ZERO));
+            to = to.min(Vec3A::select(earlier, zero, Vec3A::ONE));
         }
         // A rounding error is no reason to miss any.
-        from <= to + 1e-12
+        from.max_element() <= to.min_element() + 1e-5
     }
 }
 
@@ -96,16 +111,8 @@ impl Tree {
 
     /// Says where the parts are.
     pub(crate) fn set_boxes(&mut self, of: impl Fn(u32) -> Moving) {
-        let nothing = Bounds {
-            low: DVec3::ZERO,
-            high: DVec3::ZERO,
-        };
-        let nowhere = Moving {
-            start: nothing,
-            end: nothing,
-        };
-        self.boxes
-            .resize((2 * self.parts.len()).saturating_sub(1), nowhere);
+        let count = (2 * self.parts.len()).saturating_sub(1);
+        self.boxes.resize(count, Moving::NOWHERE);
         if !self.parts.is_empty() {
             self.set((0, 0, self.parts.len()), &of);
         }
@@ -183,36 +190,11 @@ mod tests {
         (*state >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    fn box_at(corner: DVec3, state: &mut u64) -> Bounds {
-        let sides = DVec3::new(random(state), random(state), random(state));
-        Bounds {
-            low: corner,
-            high: corner + 0.4 * sides,
-        }
-    }
-
-    fn moving(state: &mut u64) -> Moving {
-        let corner = DVec3::new(random(state), random(state), 0.1 * random(state));
+    /// A point with its way, and half the side of the box around it.
+    fn moving(state: &mut u64) -> ([DVec3; 2], f64) {
+        let start = DVec3::new(random(state), random(state), 0.1 * random(state));
         let way = 0.5 * DVec3::new(random(state) - 0.5, random(state) - 0.5, random(state));
-        Moving {
-            start: box_at(corner, state),
-            end: box_at(corner + way, state),
-        }
-    }
-
-    fn at(moving: &Moving, t: f64) -> Bounds {
-        Bounds {
-            low: moving.start.low.lerp(moving.end.low, t),
-            high: moving.start.high.lerp(moving.end.high, t),
-        }
-    }
-
-    fn grown(moving: &Moving, by: f64) -> Moving {
-        let [start, end] = [moving.start, moving.end].map(|b| Bounds {
-            low: b.low - by,
-            high: b.high + by,
-        });
-        Moving { start, end }
+        ([start, start + way], 0.2 * random(state))
     }
 
     #[test]
@@ -220,44 +202,61 @@ mod tests {
         let state = &mut 7;
         let mut count = [0; 2];
         for _ in 0..3000 {
-            let (a, b) = (moving(state), moving(state));
-            let overlap = |a: &Moving, b: &Moving| {
-                let mut times = (0..=1000).map(|k| f64::from(k) / 1000.0);
-                times.any(|t| at(a, t).overlaps(&at(b, t)))
+            let [(a, r), (b, s)] = [moving(state), moving(state)];
+            // The least over time of the largest distance along an axis
+            let apart = |t: f64| {
+                (a[0].lerp(a[1], t) - b[0].lerp(b[1], t))
+                    .abs()
+                    .max_element()
             };
-            let meet = a.meets(&b);
-            assert_eq!(meet, b.meets(&a));
-            // What overlaps between two looks only does so at one of them when it is a little larger.
-            assert!(meet || !overlap(&a, &b));
-            assert!(!meet || overlap(&grown(&a, 1e-3), &grown(&b, 1e-3)));
+            let least = (0..=1000)
+                .map(|k| apart(f64::from(k) / 1000.0))
+                .fold(f64::INFINITY, f64::min);
+            let (one, other) = (Moving::around(a, r), Moving::around(b, s));
+            let meet = one.meets(&other);
+            assert_eq!(meet, other.meets(&one));
+            // Between two looks they come nearer by no more than they move.
+            assert!(meet || least > r + s);
+            assert!(!meet || least < r + s + 1e-3);
             count[usize::from(meet)] += 1;
         }
         assert!(count.iter().all(|count| *count > 300), "{count:?}");
     }
 
     #[test]
+    fn boxes_that_touch_meet_in_spite_of_rounding() {
+        let state = &mut 11;
+        for _ in 0..3000 {
+            let ([at, to], side) = moving(state);
+            let beside = DVec3::X * (2.0 * side);
+            let far = 1e4 * DVec3::new(random(state), random(state), random(state));
+            let one = Moving::around([far + at, far + to], side);
+            let other = Moving::around([far + at + beside, far + to + beside], side);
+            assert!(one.meets(&other));
+        }
+    }
+
+    #[test]
     fn what_moves_together_does_not_meet() {
-        let side = |x: f64| Bounds {
-            low: DVec3::new(x, 0.0, 0.0),
-            high: DVec3::new(x + 1.0, 1.0, 1.0),
+        let side = |from: f64, way: f64| {
+            let at = |x: f64| DVec3::new(x, 0.0, 0.0);
+            Moving::around([at(from), at(from + way)], 0.5)
         };
-        let [a, b] = [0.0, 1.1].map(|x| Moving {
-            start: side(x),
-            end: side(x + 100.0),
-        });
+        let [a, b] = [0.0, 1.1].map(|x| side(x, 100.0));
         assert!(!a.meets(&b));
-        let stays = Moving {
-            start: side(50.0),
-            end: side(50.0),
-        };
+        let stays = side(50.0, 0.0);
         assert!(a.meets(&stays) && stays.meets(&b));
     }
 
     #[test]
     fn a_tree_finds_what_all_pairs_find() {
         let state = &mut 5;
-        let boxes: Vec<Moving> = (0..300).map(|_| moving(state)).collect();
-        let centres: Vec<DVec3> = boxes.iter().map(|b| b.start.low).collect();
+        let parts: Vec<_> = (0..300).map(|_| moving(state)).collect();
+        let centres: Vec<DVec3> = parts.iter().map(|(way, _)| way[0]).collect();
+        let boxes: Vec<Moving> = parts
+            .iter()
+            .map(|&(way, side)| Moving::around(way, side))
+            .collect();
         for count in [0, 1, 2, 3, 300] {
             let mut tree = Tree::new(&centres[..count]);
             tree.set_boxes(|k| boxes[k as usize]);

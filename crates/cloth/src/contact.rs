@@ -13,7 +13,7 @@ use std::collections::HashSet;
 use selvedge_math::DVec3;
 
 use crate::Mesh;
-use crate::broad::{Bounds, Moving, Tree};
+use crate::broad::{Moving, Tree};
 use crate::distance::{Course, Kind, approach, combine, distance, weights};
 use crate::nodes::{Kept, Nodes};
 use crate::support::Surface;
@@ -38,7 +38,7 @@ const STILL: f64 = 5e-6;
 const AHEAD: f64 = 1.0 / 30.0;
 /// How far a node may get off its straight way in that time, as a share of the shortest edge; no less
 /// than the margin.
-const DRIFT: f64 = 0.1;
+const DRIFT: f64 = 0.15;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Pair {
@@ -46,15 +46,26 @@ pub(crate) struct Pair {
     nodes: [u32; 4],
 }
 
-impl Pair {
-    /// Whether the two come within `reach` on these ways, or nearly so: they cannot come nearer by more
-    /// than they move towards each other.
+/// A pair that may come near, as it was when it was found.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    pair: Pair,
+    /// How far apart the two were, and by how much that may shrink on the whole way [m]: no more than
+    /// they move towards each other.
+    distance: f64,
+    approach: f64,
+}
+
+impl Candidate {
     #[inline]
-    fn may_touch(&self, reach: f64, paths: &[[DVec3; 2]]) -> bool {
-        let nodes = self.nodes.map(|k| k as usize);
+    fn new(pair: Pair, paths: &[[DVec3; 2]]) -> Self {
+        let nodes = pair.nodes.map(|k| k as usize);
         let (at, way) = (nodes.map(|k| paths[k][0]), nodes.map(|k| paths[k][1]));
-        let reach = reach + approach(self.kind, way);
-        distance(self.kind, &at) <= reach
+        Self {
+            pair,
+            distance: distance(pair.kind, &at),
+            approach: approach(pair.kind, way),
+        }
     }
 }
 
@@ -136,15 +147,21 @@ pub(crate) struct Contacts {
     edges: Vec<[u32; 2]>,
     thickness: f64,
     /// Corners and edges of each triangle that no triangle before has.
-    own: Vec<[bool; 6]>,
+    own: Vec<Own>,
     tree: Tree,
     /// Where each node was when pairs were looked for, and the way [m] it was going to go.
     paths: Vec<[DVec3; 2]>,
-    /// How far it may get off that way [m].
+    /// The mean way of each triangle, and how much that of a corner differs from it at most [m].
+    courses: Vec<(DVec3, f64)>,
+    /// How far a node may get off its way [m].
     drift: f64,
     /// The time of that way: its start and its length [s].
     ahead: [f64; 2],
-    pairs: Vec<Pair>,
+    /// The share of it that is over at the end of the present substep, and how far off a node is by
+    /// then at most [m].
+    share: f64,
+    off: f64,
+    pairs: Vec<Candidate>,
     contacts: Vec<Contact>,
     before: Vec<Contact>,
     /// Forces before the present substep, where the contacts stayed.
@@ -190,10 +207,13 @@ impl Contacts {
             // Neighbours that share no node are at least one edge apart.
             thickness: thickness.min(0.5 * shortest),
             own: own_parts(&triangles),
+            courses: vec![(DVec3::ZERO, 0.0); triangles.len()],
             tree: Tree::new(&centres),
             paths: vec![[DVec3::ZERO; 2]; rest.len()],
             drift: MARGIN.max(DRIFT * shortest),
             ahead: NEVER,
+            share: 0.0,
+            off: 0.0,
             pairs: Vec::new(),
             contacts: Vec::new(),
             before: Vec::new(),
@@ -265,7 +285,8 @@ impl Contacts {
         }
         self.fresh = false;
         self.pairs.clear();
-        if !self.paths.iter().all(|[_, way]| way.is_finite()) {
+        let is_within = |[x, way]: &[DVec3; 2]| (x.abs() + way.abs()).max_element() < FARTHEST;
+        if !self.paths.iter().all(is_within) {
             return false;
         }
         let reach = self.thickness + MARGIN + 2.0 * self.drift;
@@ -273,51 +294,50 @@ impl Contacts {
         let Self {
             paths,
             triangles,
-            pairs,
             own,
+            courses,
+            pairs,
             ..
         } = self;
+        for (course, triangle) in courses.iter_mut().zip(&*triangles) {
+            let ways = triangle.map(|k| paths[k as usize][1]);
+            let mean = (ways[0] + ways[1] + ways[2]) / 3.0;
+            let off = ways.map(|way| way.distance_squared(mean));
+            *course = (mean, off[0].max(off[1]).max(off[2]).sqrt());
+        }
         self.tree.set_boxes(|t| {
-            let around = |k: u32| {
+            let [a, b, c] = triangles[t as usize].map(|k| {
                 let [at, way] = paths[k as usize];
-                let [start, end] = [at, at + way].map(|at| Bounds {
-                    low: at - 0.5 * reach,
-                    high: at + 0.5 * reach,
-                });
-                Moving { start, end }
-            };
-            let [a, b, c] = triangles[t as usize].map(around);
+                Moving::around([at, at + way], 0.5 * reach)
+            });
             a.join(&b).join(&c)
         });
         let found = self.tree.meetings(|first, second| {
-            // Far is what no two of their nodes bring together, a cheaper bound than that of each pair.
-            let ways = [first, second].map(|t| triangles[t as usize].map(|k| paths[k as usize][1]));
-            let off = ways.map(|side| {
-                let off = side.map(|way| way.distance_squared(ways[0][0]));
-                off[0].max(off[1]).max(off[2]).sqrt()
-            });
-            let far = reach + off[0] + off[1];
+            let [first, second] = [first, second].map(|t| t as usize);
+            // Far is what no two of their points bring together, a cheaper bound than that of each pair.
+            let far = {
+                let [(a, r), (b, s)] = [courses[first], courses[second]];
+                reach + a.distance(b) + r + s
+            };
             let mut add = |kind: Kind, nodes: [u32; 4]| {
-                let (pair, at) = (Pair { kind, nodes }, nodes.map(|k| paths[k as usize][0]));
-                if near(kind, &at, &at, far) && pair.may_touch(reach, paths) {
-                    pairs.push(pair);
+                let at = nodes.map(|k| paths[k as usize][0]);
+                if !are_apart(kind, &at, far) {
+                    let candidate = Candidate::new(Pair { kind, nodes }, paths);
+                    if candidate.distance <= reach + candidate.approach {
+                        pairs.push(candidate);
+                    }
                 }
             };
             for [of, other] in [[first, second], [second, first]] {
-                let [a, b, c] = triangles[other as usize];
-                for (node, own) in triangles[of as usize].into_iter().zip(own[of as usize]) {
-                    if own && node != a && node != b && node != c {
+                let [a, b, c] = triangles[other];
+                for &node in own[of].nodes() {
+                    if node != a && node != b && node != c {
                         add(Kind::NodeTriangle, [node, a, b, c]);
                     }
                 }
             }
-            let edges_of = |t: u32| {
-                let all = edges(&triangles[t as usize]).into_iter();
-                let own = all.zip(&own[t as usize][3..]).filter(|(_, own)| **own);
-                own.map(|(edge, _)| edge)
-            };
-            for e in edges_of(first) {
-                for f in edges_of(second) {
+            for &e in own[first].edges() {
+                for &f in own[second].edges() {
                     let ([p, q], [r, s]) = (e.min(f), e.max(f));
                     if p != r && p != s && q != r && q != s {
                         add(Kind::EdgeEdge, [p, q, r, s]);
@@ -328,8 +348,16 @@ impl Contacts {
         });
         if found {
             self.ahead = [now, substeps * h];
+            (self.share, self.off) = (1.0 / substeps, 0.0);
         }
         found
+    }
+
+    /// The pairs that may come within the margin of a contact in the present substep.
+    fn near_pairs(&self) -> impl Iterator<Item = &Pair> {
+        let reach = self.thickness + MARGIN + 2.0 * self.off;
+        let may = move |c: &&Candidate| c.distance - self.share * c.approach <= reach;
+        self.pairs.iter().filter(may).map(|c| &c.pair)
     }
 
     /// Makes contacts of the pairs that may touch in a substep of `h` [s], and adds those `on_ground`;
@@ -359,8 +387,9 @@ impl Contacts {
         self.seen.copy_from_slice(x);
         self.fresh = true;
         std::mem::swap(&mut self.contacts, &mut self.before);
-        self.contacts.clear();
-        for pair in &self.pairs {
+        let mut contacts = std::mem::take(&mut self.contacts);
+        contacts.clear();
+        for pair in self.near_pairs() {
             let at = pair.nodes.map(|k| x[k as usize]);
             let ahead = pair.nodes.map(|k| guess[k as usize]);
             if !near(pair.kind, &at, &ahead, self.thickness + MARGIN) {
@@ -374,7 +403,7 @@ impl Contacts {
             if distance.min(distance + approach) > self.thickness + MARGIN {
                 continue;
             }
-            self.contacts.push(Contact {
+            contacts.push(Contact {
                 pair: *pair,
                 ground: None,
                 weights,
@@ -385,8 +414,9 @@ impl Contacts {
                 sliding: false,
             });
         }
-        self.contacts.extend_from_slice(on_ground);
-        self.contacts.sort_unstable_by_key(Contact::key);
+        contacts.extend_from_slice(on_ground);
+        contacts.sort_unstable_by_key(Contact::key);
+        self.contacts = contacts;
         let mut old = self.before.iter().peekable();
         for contact in &mut self.contacts {
             while old.next_if(|c| c.key() < contact.key()).is_some() {}
@@ -542,7 +572,7 @@ impl Contacts {
             gap: None,
         };
         let mut least = f64::INFINITY;
-        for pair in &self.pairs {
+        for pair in self.near_pairs() {
             let (a, b) = (
                 pair.nodes.map(|k| start[k as usize]),
                 pair.nodes.map(|k| end[k as usize]),
@@ -565,21 +595,28 @@ impl Contacts {
 
     /// Whether the pairs are those of the substep of `h` [s] from `now` [s] on too: every node is near
     /// enough to the way that it was going to go.
-    pub(crate) fn covers(&self, [x, end]: [&[DVec3]; 2], now: f64, h: f64) -> bool {
+    pub(crate) fn covers(&mut self, [x, end]: [&[DVec3]; 2], now: f64, h: f64) -> bool {
         let [since, length] = self.ahead;
         let mut shares = [now, now + h].map(|time| (time - since) / length);
         if shares[1] > 1.0 + 1e-9 {
             // The pairs are those of nodes that stay where the way ends, too.
             shares = [1.0; 2];
         }
-        let near = |at: &DVec3, [from, way]: &[DVec3; 2], share: f64| {
-            at.distance_squared(*from + *way * share) <= self.drift * self.drift
-        };
-        let mut nodes = x.iter().zip(end).zip(&self.paths);
-        shares[0] >= -1e-9
-            && nodes.all(|((x, end), path)| near(x, path, shares[0]) && near(end, path, shares[1]))
+        let (most, mut off, mut near) = (self.drift * self.drift, 0.0_f64, shares[0] >= -1e-9);
+        for ((x, end), [from, way]) in x.iter().zip(end).zip(&self.paths) {
+            for (at, share) in [(x, shares[0]), (end, shares[1])] {
+                let squared = at.distance_squared(*from + *way * share);
+                near &= squared <= most;
+                off = off.max(squared);
+            }
+        }
+        (self.share, self.off) = (shares[1], off.sqrt());
+        near
     }
 }
+
+/// Further away from the origin [m] nothing is looked for.
+const FARTHEST: f64 = 1e30;
 
 /// The way of pairs that were never looked for.
 const NEVER: [f64; 2] = [f64::NAN; 2];
@@ -589,15 +626,66 @@ fn edges(&[a, b, c]: &[u32; 3]) -> [[u32; 2]; 3] {
     [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)])
 }
 
-/// Which corners and edges of each triangle no triangle before has.
-fn own_parts(triangles: &[[u32; 3]]) -> Vec<[bool; 6]> {
-    let (mut corners, mut sides) = (HashSet::new(), HashSet::new());
+/// Corners and edges of a triangle that no triangle before has: so many of the first.
+#[derive(Clone, Copy, Debug)]
+struct Own {
+    nodes: [u32; 3],
+    edges: [[u32; 2]; 3],
+    count: [usize; 2],
+}
+
+impl Own {
+    fn nodes(&self) -> &[u32] {
+        &self.nodes[..self.count[0]]
+    }
+
+    fn edges(&self) -> &[[u32; 2]] {
+        &self.edges[..self.count[1]]
+    }
+}
+
+fn own_parts(triangles: &[[u32; 3]]) -> Vec<Own> {
+    let (mut nodes, mut sides) = (HashSet::new(), HashSet::new());
     let own = triangles.iter().map(|triangle| {
-        let [a, b, c] = triangle.map(|k| corners.insert(k));
-        let [d, e, f] = edges(triangle).map(|edge| sides.insert(edge));
-        [a, b, c, d, e, f]
+        let mut own = Own {
+            nodes: *triangle,
+            edges: edges(triangle),
+            count: [0; 2],
+        };
+        for k in 0..3 {
+            if nodes.insert(own.nodes[k]) {
+                own.nodes.swap(own.count[0], k);
+                own.count[0] += 1;
+            }
+            if sides.insert(own.edges[k]) {
+                own.edges.swap(own.count[1], k);
+                own.count[1] += 1;
+            }
+        }
+        own
     });
     own.collect()
+}
+
+/// Whether a plane across the line between their middles keeps the two features further apart than
+/// `reach`: a cheap test that leaves out most pairs.
+#[inline]
+fn are_apart(kind: Kind, x: &[DVec3; 4], reach: f64) -> bool {
+    // How far apart along the line `d`, times its length
+    let (d, apart) = match kind {
+        Kind::NodeTriangle => {
+            let d = x[0] - (x[1] + x[2] + x[3]) / 3.0;
+            let [a, b, c] = [1, 2, 3].map(|k| (x[0] - x[k]).dot(d));
+            (d, a.min(b).min(c))
+        }
+        Kind::EdgeEdge => {
+            let (u, v) = (x[1] - x[0], x[3] - x[2]);
+            let d = 0.5 * (x[0] + x[1] - x[2] - x[3]);
+            let along = 0.5 * (u.dot(d).abs() + v.dot(d).abs());
+            (d, d.length_squared() - along)
+        }
+    };
+    apart > 0.0 && apart * apart > reach * reach * d.length_squared()
 }
 
 /// Whether the boxes around the ways of the two features come within `reach`: a cheap test that
