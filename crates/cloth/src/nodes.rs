@@ -51,6 +51,10 @@ impl Nodes {
         self.inverse[node] = inverse;
     }
 
+    pub(crate) fn sticks(&self, node: usize) -> bool {
+        matches!(self.kept[node], Kept::Sticks(_))
+    }
+
     /// The displacement that a force may give in the end: a node that sticks may have to slide. The
     /// rows reckon with the share `looseness` of its mobility, so that forces on sticking nodes grow
     /// from one iteration to the next no faster than it takes to find out.

@@ -26,6 +26,10 @@ const PROXIMAL: f64 = 1e-5;
 /// between two pins, with any load across it, has no finite tension.
 const STIFFNESS: f64 = 2.5e6;
 
+/// An edge at whose end a node sticks may keep so many times as much strain as others: to make the node
+/// slide for less takes many iterations, in which nothing moves.
+const STUCK: f64 = 1.8;
+
 /// Values, gradients and multipliers of all rows: first the edges, then the quads.
 #[derive(Debug)]
 pub(crate) struct Rows {
@@ -64,6 +68,16 @@ struct Meeting {
     entry: u32,
     first: u32,
     second: u32,
+}
+
+/// The largest strains `|length/l - 1|` of all edges.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Strain {
+    pub(crate) largest: f64,
+    /// What is not due to the tension.
+    pub(crate) unsolved: f64,
+    /// The same with edges of sticking nodes counting less, see [`STUCK`].
+    pub(crate) open: f64,
 }
 
 /// How the shear springs act in one substep.
@@ -400,20 +414,23 @@ impl Rows {
         u.dot(v) / self.products[k] - self.shear_rest[k]
     }
 
-    /// Largest strain `|length/l - 1|` of the edges that are imposed, and the largest that is not due
-    /// to the tension.
-    pub(crate) fn strain(&self, x: &[DVec3]) -> [f64; 2] {
-        let (mut largest, mut unsolved) = (0.0_f64, 0.0_f64);
+    /// Strain of the edges that are imposed.
+    pub(crate) fn strain(&self, x: &[DVec3], nodes: &Nodes) -> Strain {
+        let mut strain = Strain::default();
         for (row, (edge, &length)) in self.edges.iter().zip(&self.lengths).enumerate() {
             if !self.exempt[row] {
                 let c = stretch(edge, length, x) / length;
-                largest = largest.max(((1.0 + 2.0 * c).max(0.0).sqrt() - 1.0).abs());
+                let all = ((1.0 + 2.0 * c).max(0.0).sqrt() - 1.0).abs();
                 // C/l is the strain up to its square.
-                unsolved =
-                    unsolved.max((c + self.give[row] / length * self.multipliers[row]).abs());
+                let unsolved = (c + self.give[row] / length * self.multipliers[row]).abs();
+                let sticks = edge.iter().any(|&node| nodes.sticks(node as usize));
+                let weight = if sticks { 1.0 / STUCK } else { 1.0 };
+                strain.largest = strain.largest.max(all);
+                strain.unsolved = strain.unsolved.max(unsolved);
+                strain.open = strain.open.max(weight * unsolved);
             }
         }
-        [largest, unsolved]
+        strain
     }
 
     /// Largest rate at which an edge that is imposed gets longer than it should [m/s].

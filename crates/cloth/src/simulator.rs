@@ -33,9 +33,17 @@ const MAX_CUTS_BEFOREHAND: u32 = 4;
 /// After so many cuts, hands that want what the cloth cannot follow are taken for what fails, and held
 /// back.
 const CUTS_BEFORE_RETREAT: u32 = 2;
-/// How they are: only what each goes of its own, then altogether, in the end backwards.
-const RETREATS: [Reach; 5] = [
+/// How they are: less and less of what each goes of its own, then altogether, in the end backwards.
+const RETREATS: [Reach; 7] = [
     Reach::WHOLE,
+    Reach {
+        common: 1.0,
+        own: 0.3,
+    },
+    Reach {
+        common: 1.0,
+        own: 0.03,
+    },
     Reach {
         common: 1.0,
         own: 0.0,
@@ -372,7 +380,8 @@ impl Simulator {
 
     /// Strain that a substep may end with as a last resort: what it started with may be more.
     fn bearable(&self, cuts: u32) -> f64 {
-        let [before, _] = self.rows.strain(&self.saved[cuts as usize].positions);
+        let before = &self.saved[cuts as usize].positions;
+        let before = self.rows.strain(before, &self.nodes).largest;
         before.max(2.0 * MOST_STRAIN)
     }
 

@@ -19,7 +19,7 @@ use selvedge_math::DVec3;
 
 use crate::hands::Reach;
 use crate::nodes::Kept;
-use crate::rows::ShearLaw;
+use crate::rows::{ShearLaw, Strain};
 use crate::support::Surface;
 use crate::{Error, RECOVERY, Simulator};
 
@@ -27,6 +27,11 @@ use crate::{Error, RECOVERY, Simulator};
 const SUNK: f64 = 1e-7;
 /// ... and no layers are so much too near, which are a thickness apart [m].
 const TOO_NEAR: f64 = 1e-4;
+
+/// The factor of the rows is too old when an iteration leaves more than this share of the strain.
+const OLD: f64 = 0.3;
+/// Corrections of the rows alone after an iteration that moved nothing.
+const MORE: usize = 3;
 
 /// Edges may get longer by so much without another correction of the velocities [m/s].
 const SLOW: f64 = 1e-4;
@@ -97,15 +102,10 @@ impl Simulator {
                 self.rows.factor(&self.nodes, law)?;
                 self.stale = false;
             }
-            let forces = &mut self.scratch.forces;
-            self.rows.correct(x, &self.scratch.sines, law, forces);
-            for (node, (x, force)) in x.iter_mut().zip(&*forces).enumerate() {
-                self.nodes.push(node, *force, x);
-            }
+            let mut strain = self.correct_rows(law);
 
             // How good that is
-            let [strain, unsolved] = self.rows.strain(x);
-            (ended.strain, ended.unsolved) = (strain, unsolved);
+            let x = &self.now.positions;
             // The forces still change where they do not matter: what counts is where the nodes go, as
             // far as can be told from how the changes shrink
             let change = farthest(x, &self.scratch.last);
@@ -118,7 +118,7 @@ impl Simulator {
             let moved = farthest(x, &self.scratch.free).min(left.max(0.1 * change));
             last_change = change;
             self.scratch.last.copy_from_slice(x);
-            if !(moved.is_finite() && strain < 0.5)
+            if !(moved.is_finite() && strain.largest < 0.5)
                 || (!last && iteration > 2 && moved > 3.0 * least_moved && moved > 1e-3)
             {
                 return Ok(None);
@@ -136,27 +136,46 @@ impl Simulator {
             } else {
                 0.0
             };
-            if unsolved <= self.settings.tolerance
+            // Once nodes stay where they are, the rest of the strain needs no whole iterations; on
+            // obstacles it does, since they would slide too easily
+            let more = if self.surroundings.is_empty() {
+                MORE
+            } else {
+                0
+            };
+            for _ in 0..more {
+                if moved > self.settings.settled || strain.open <= self.settings.tolerance {
+                    break;
+                }
+                let before = strain.open;
+                strain = self.correct_rows(law);
+                if strain.open > 0.7 * before {
+                    break;
+                }
+            }
+            (ended.strain, ended.unsolved) = (strain.largest, strain.unsolved);
+            let open = strain.open;
+            if open <= self.settings.tolerance
                 && moved <= self.settings.settled
                 && sunk <= SUNK
-                && self.contacts.lack(x) <= TOO_NEAR
+                && self.contacts.lack(&self.now.positions) <= TOO_NEAR
             {
                 break;
             }
 
             // What the next iteration does
-            if unsolved > 0.7 * last_strain && moved < self.settings.settled && iteration > 1 {
-                // Only edges between sticking nodes are left: pull harder
+            if open > 0.7 * last_strain && moved < self.settings.settled && iteration > 1 {
+                // Only edges of sticking nodes are left: pull harder
                 self.nodes.looseness = (0.25 * self.nodes.looseness).max(0.01);
                 self.stale = true;
             } else if self.nodes.looseness < 1.0 && moved > self.settings.settled {
                 self.nodes.looseness = 1.0;
                 self.stale = true;
             }
-            self.stale |= unsolved > 0.3 * last_strain && unsolved > self.settings.tolerance;
+            self.stale |= open > OLD * last_strain && open > self.settings.tolerance;
             aim = iteration < 2 || moved < 0.3 * last_moved;
             least_moved = least_moved.min(moved);
-            (last_moved, last_strain) = (moved, unsolved);
+            (last_moved, last_strain) = (moved, open);
         }
         self.end(h, law, last, &mut ended)?;
         Ok(Some(ended))
@@ -378,6 +397,16 @@ impl Simulator {
         changed
     }
 
+    /// One correction of stretch and shear; the strain that is left.
+    fn correct_rows(&mut self, law: ShearLaw) -> Strain {
+        let (x, forces) = (&mut self.now.positions, &mut self.scratch.forces);
+        self.rows.correct(x, &self.scratch.sines, law, forces);
+        for (node, (x, force)) in x.iter_mut().zip(&*forces).enumerate() {
+            self.nodes.push(node, *force, x);
+        }
+        self.rows.strain(x, &self.nodes)
+    }
+
     /// Looks for collisions on the way and sets the velocities.
     fn end(&mut self, h: f64, law: ShearLaw, last: bool, ended: &mut Ended) -> Result<(), Error> {
         let (start, x) = (&self.scratch.start, &mut self.now.positions);
@@ -405,7 +434,8 @@ impl Simulator {
             for (x, start) in x.iter_mut().zip(start) {
                 *x = start.lerp(*x, 0.9 * ended.free);
             }
-            [ended.strain, ended.unsolved] = self.rows.strain(x);
+            let strain = self.rows.strain(x, &self.nodes);
+            (ended.strain, ended.unsolved) = (strain.largest, strain.unsolved);
         }
         self.rows.sines(x, &mut self.scratch.end_sines);
         ended.shear = self
