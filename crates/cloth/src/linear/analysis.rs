@@ -8,7 +8,6 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::linalg::{SupernodalThreshold, SymbolicSupernodalParams};
 
 use super::cholesky::{Cholesky, Front};
-use super::points::POINT;
 use super::simd::BLOCK;
 use crate::Error;
 
@@ -175,7 +174,9 @@ impl Cholesky {
             waiting: needed.map(|size| vec![0.0; size]),
             padded: unknowns,
             unknowns: Vec::new(),
-            local: vec![0.0; POINT * longest],
+            local: vec![0.0; longest],
+            points: vec![[0.0; 4]; unknowns],
+            below: vec![[0.0; 4]; longest],
         })
     }
 }

@@ -3,7 +3,7 @@
 use selvedge_math::DVec3;
 
 use super::factor::Factor;
-use super::points::{POINT, SolvePoints};
+use super::points::{Point, SolvePoints};
 use super::simd::{BLOCK, dispatch};
 use super::solve::Solve;
 use crate::Error;
@@ -44,12 +44,15 @@ pub struct Cholesky {
     pub(super) panels: Vec<f64>,
     /// Update matrices waiting for their parents, by parity of the depth.
     pub(super) waiting: [Vec<f64>; 2],
-    /// How many unknowns a right hand side has, each front's padded with zeros like its columns.
+    /// How many unknowns there are, each front's padded with zeros like its columns.
     pub(super) padded: usize,
-    /// The unknowns by front, of one right hand side after the other.
+    /// The unknowns by front.
     pub(super) unknowns: Vec<f64>,
     /// The part below of one column.
     pub(super) local: Vec<f64>,
+    /// The same two for points.
+    pub(super) points: Vec<Point>,
+    pub(super) below: Vec<Point>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -134,14 +137,12 @@ impl Cholesky {
     /// When there is not one point a row.
     pub fn solve_points(&mut self, points: &mut [DVec3]) {
         assert_eq!(points.len(), self.position.len(), "one point a row");
-        self.unknowns.clear();
-        self.unknowns.resize(POINT * self.padded, 0.0);
         for (&p, point) in self.position.iter().zip(&*points) {
-            point.write_to_slice(&mut self.unknowns[POINT * p as usize..]);
+            self.points[p as usize] = [point.x, point.y, point.z, 0.0];
         }
         dispatch(SolvePoints(self));
         for (&p, point) in self.position.iter().zip(points) {
-            *point = DVec3::from_slice(&self.unknowns[POINT * p as usize..]);
+            *point = DVec3::from_slice(&self.points[p as usize]);
         }
     }
 }

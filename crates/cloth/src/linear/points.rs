@@ -3,8 +3,8 @@
 use super::cholesky::{Cholesky, Front};
 use super::simd::{BLOCK, Simd, WithSimd};
 
-/// Numbers a point takes: its coordinates and a zero.
-pub(super) const POINT: usize = 4;
+/// The coordinates of a point and a zero.
+pub(super) type Point = [f64; 4];
 
 /// Solves in place for the points.
 pub(super) struct SolvePoints<'a>(pub(super) &'a mut Cholesky);
@@ -18,108 +18,111 @@ impl WithSimd for SolvePoints<'_> {
             fronts,
             rows,
             panels,
-            unknowns,
-            local,
+            points,
+            below,
             ..
         } = self.0;
         // L y = b
         for front in &*fronts {
             let panel = &panels[front.panel..][..front.columns * front.height()];
             let rows = &rows[front.row..][..front.below];
-            down(simd, front, panel, rows, unknowns);
+            let own = &mut points[front.column..][..front.columns];
+            for (k, block) in panel.chunks(BLOCK * front.height()).enumerate() {
+                match block.len() / front.height() {
+                    1 => forward::<S, 1>(simd, block, own, k * BLOCK),
+                    2 => forward::<S, 2>(simd, block, own, k * BLOCK),
+                    3 => forward::<S, 3>(simd, block, own, k * BLOCK),
+                    _ => forward::<S, BLOCK>(simd, block, own, k * BLOCK),
+                }
+            }
+            take_below(simd, front, panel, rows, points);
         }
         // L^T x = y
         for front in fronts.iter().rev() {
             let panel = &panels[front.panel..][..front.columns * front.height()];
             let rows = &rows[front.row..][..front.below];
-            let below = &mut local[..POINT * front.bottom()];
-            for (point, &row) in below.chunks_exact_mut(POINT).zip(rows) {
-                point.copy_from_slice(&unknowns[POINT * row as usize..][..POINT]);
+            let below = &mut below[..front.below];
+            for (point, &row) in below.iter_mut().zip(rows) {
+                *point = points[row as usize];
             }
-            below[POINT * rows.len()..].fill(0.0);
-            let own = &mut unknowns[POINT * front.column..][..POINT * front.top()];
+            let own = &mut points[front.column..][..front.columns];
             for (k, block) in panel.chunks(BLOCK * front.height()).enumerate().rev() {
                 match block.len() / front.height() {
-                    1 => backward::<S, 1>(simd, block, front, own, below, k * BLOCK),
-                    2 => backward::<S, 2>(simd, block, front, own, below, k * BLOCK),
-                    3 => backward::<S, 3>(simd, block, front, own, below, k * BLOCK),
-                    _ => backward::<S, BLOCK>(simd, block, front, own, below, k * BLOCK),
+                    1 => backward::<S, 1>(simd, block, front.top(), own, below, k * BLOCK),
+                    2 => backward::<S, 2>(simd, block, front.top(), own, below, k * BLOCK),
+                    3 => backward::<S, 3>(simd, block, front.top(), own, below, k * BLOCK),
+                    _ => backward::<S, BLOCK>(simd, block, front.top(), own, below, k * BLOCK),
                 }
             }
         }
     }
 }
 
-/// One vector of each of some points; of a point's vectors there are `POINT / S::F64_LANES`.
-type Sums<S, const COUNT: usize> = [[<S as Simd>::f64s; POINT]; COUNT];
+/// The vectors of a point: the first `4 / S::F64_LANES` are used.
+type Sum<S> = [<S as Simd>::f64s; 4];
 
-/// `sum += factor * point`, vector by vector.
+/// `sum += factor * point`.
 #[inline(always)]
-fn add<S: Simd>(simd: S, sum: &mut [S::f64s; POINT], factor: f64, point: &[S::f64s]) {
+fn add<S: Simd>(simd: S, sum: &mut Sum<S>, factor: f64, point: &Point) {
     let factor = simd.splat_f64s(factor);
-    for (sum, &value) in sum.iter_mut().zip(point) {
+    for (sum, &value) in sum.iter_mut().zip(S::as_simd_f64s(point).0) {
         *sum = simd.mul_add_f64s(factor, value, *sum);
     }
 }
 
+/// `scale * (point - sum)`.
 #[inline(always)]
-fn point<S: Simd>(x: &[f64], k: usize) -> &[S::f64s] {
-    S::as_simd_f64s(&x[POINT * k..][..POINT]).0
-}
-
-/// `x_k -= sum`.
-#[inline(always)]
-fn subtract<S: Simd>(simd: S, x: &mut [f64], k: usize, sum: &[S::f64s; POINT]) {
-    let values = S::as_mut_simd_f64s(&mut x[POINT * k..][..POINT]).0;
-    for (value, &sum) in values.iter_mut().zip(sum) {
-        *value = simd.sub_f64s(*value, sum);
+fn finish<S: Simd>(simd: S, point: &mut Point, sum: &Sum<S>, scale: f64) {
+    let scale = simd.splat_f64s(scale);
+    for (value, &sum) in S::as_mut_simd_f64s(point).0.iter_mut().zip(sum) {
+        *value = simd.mul_f64s(scale, simd.sub_f64s(*value, sum));
     }
 }
 
+/// The columns of a block, from one of their rows on.
 #[inline(always)]
-fn scale(x: &mut [f64], k: usize, by: f64) {
-    for value in &mut x[POINT * k..][..POINT] {
-        *value *= by;
+fn columns<const COLUMNS: usize>(block: &[f64], from: usize, count: usize) -> [&[f64]; COLUMNS] {
+    let height = block.len() / COLUMNS;
+    std::array::from_fn(|c| &block[c * height + from..][..count])
+}
+
+/// Solves for the columns of a block, from `first` on, and takes them from the front's later ones.
+#[inline(always)]
+fn forward<S: Simd, const COLUMNS: usize>(simd: S, block: &[f64], own: &mut [Point], first: usize) {
+    let (own, later) = own[first..].split_at_mut(COLUMNS);
+    let triangle = columns::<COLUMNS>(block, first, COLUMNS);
+    let zero = [simd.splat_f64s(0.0); 4];
+    for k in 0..COLUMNS {
+        let mut sum = zero;
+        for c in 0..k {
+            add::<S>(simd, &mut sum, triangle[c][k], &own[c]);
+        }
+        finish::<S>(simd, &mut own[k], &sum, triangle[k][k]);
+    }
+    let columns = columns::<COLUMNS>(block, first + COLUMNS, later.len());
+    for (row, point) in later.iter_mut().enumerate() {
+        let mut sum = zero;
+        for c in 0..COLUMNS {
+            add::<S>(simd, &mut sum, columns[c][row], &own[c]);
+        }
+        finish::<S>(simd, point, &sum, 1.0);
     }
 }
 
-/// Solves for a front's columns and takes them from the rows below.
+/// Takes the columns of a front from the rows below.
 #[inline(always)]
-fn down<S: Simd>(simd: S, front: &Front, panel: &[f64], rows: &[u32], x: &mut [f64]) {
+fn take_below<S: Simd>(simd: S, front: &Front, panel: &[f64], rows: &[u32], points: &mut [Point]) {
     let (top, height) = (front.top(), front.height());
-    let zero = simd.splat_f64s(0.0);
-    let own = POINT * front.column;
-    for first in (0..front.columns).step_by(BLOCK) {
-        let x = &mut x[own..][..POINT * top];
-        let last = front.columns.min(first + BLOCK);
-        for k in first..last {
-            // What the columns of the block before this one take
-            let mut sum = [zero; POINT];
-            for c in first..k {
-                add::<S>(simd, &mut sum, panel[c * height + k], point::<S>(x, c));
-            }
-            subtract::<S>(simd, x, k, &sum);
-            scale(x, k, panel[k * height + k]);
-        }
-        for row in last..front.columns {
-            let mut sum = [zero; POINT];
-            for c in first..last {
-                add::<S>(simd, &mut sum, panel[c * height + row], point::<S>(x, c));
-            }
-            subtract::<S>(simd, x, row, &sum);
-        }
-    }
-    let mut sums: Sums<S, BLOCK>;
     for (row, rows) in (top..).step_by(BLOCK).zip(rows.chunks(BLOCK)) {
-        sums = [[zero; POINT]; BLOCK];
-        for (c, column) in panel.chunks_exact(height).enumerate() {
-            let value = point::<S>(&x[own..], c);
+        let mut sums = [[simd.splat_f64s(0.0); 4]; BLOCK];
+        let own = &points[front.column..][..front.columns];
+        for (column, point) in panel.chunks_exact(height).zip(own) {
             for (sum, &factor) in sums.iter_mut().zip(&column[row..row + BLOCK]) {
-                add::<S>(simd, sum, factor, value);
+                add::<S>(simd, sum, factor, point);
             }
         }
         for (sum, &row) in sums.iter().zip(rows) {
-            subtract::<S>(simd, x, row as usize, sum);
+            finish::<S>(simd, &mut points[row as usize], sum, 1.0);
         }
     }
 }
@@ -130,38 +133,26 @@ fn down<S: Simd>(simd: S, front: &Front, panel: &[f64], rows: &[u32], x: &mut [f
 fn backward<S: Simd, const COLUMNS: usize>(
     simd: S,
     block: &[f64],
-    front: &Front,
-    own: &mut [f64],
-    below: &[f64],
+    top: usize,
+    own: &mut [Point],
+    below: &[Point],
     first: usize,
 ) {
-    let height = front.height();
-    let zero = simd.splat_f64s(0.0);
-    let mut sums: Sums<S, COLUMNS> = [[zero; POINT]; COLUMNS];
-    for (known, from, start) in [(&*own, 0, first + COLUMNS), (below, front.top(), 0)] {
-        let count = if from == 0 {
-            front.columns
-        } else {
-            front.below
-        };
-        for k in start..count {
-            let value = point::<S>(known, k);
-            for (sum, column) in sums.iter_mut().zip(block.chunks_exact(height)) {
-                add::<S>(simd, sum, column[from + k], value);
+    let (own, later) = own[first..].split_at_mut(COLUMNS);
+    let mut sums = [[simd.splat_f64s(0.0); 4]; COLUMNS];
+    for (known, from) in [(&*later, first + COLUMNS), (below, top)] {
+        let columns = columns::<COLUMNS>(block, from, known.len());
+        for (k, point) in known.iter().enumerate() {
+            for c in 0..COLUMNS {
+                add::<S>(simd, &mut sums[c], columns[c][k], point);
             }
         }
     }
+    let triangle = columns::<COLUMNS>(block, first, COLUMNS);
     for k in (0..COLUMNS).rev() {
-        let column = &block[k * height..][..height];
         for row in k + 1..COLUMNS {
-            add::<S>(
-                simd,
-                &mut sums[k],
-                column[first + row],
-                point::<S>(own, first + row),
-            );
+            add::<S>(simd, &mut sums[k], triangle[k][row], &own[row]);
         }
-        subtract::<S>(simd, own, first + k, &sums[k]);
-        scale(own, first + k, column[first + k]);
+        finish::<S>(simd, &mut own[k], &sums[k], triangle[k][k]);
     }
 }
