@@ -11,6 +11,7 @@ mod material;
 mod mesh;
 mod nodes;
 mod obstacle;
+mod pairs;
 mod predictor;
 mod project;
 mod rows;

@@ -348,7 +348,7 @@ impl Simulator {
     fn find_contacts(&mut self, h: f64) -> Result<(), Error> {
         let way = [&*self.scratch.start, &*self.now.positions];
         let now = self.now.time;
-        let found = self.contacts.covers(way, now, h) || self.contacts.find(way, now, h);
+        let found = self.contacts.look(way, now, h);
         if !self.surroundings.is_empty() {
             let mut on_ground = std::mem::take(&mut self.scratch.on_ground);
             let (way, parts) = (
@@ -411,7 +411,7 @@ impl Simulator {
     fn end(&mut self, h: f64, law: ShearLaw, last: bool, ended: &mut Ended) -> Result<(), Error> {
         let (start, x) = (&self.scratch.start, &mut self.now.positions);
         let (way, now) = ([&**start, &**x], self.now.time);
-        if !self.contacts.covers(way, now, h) && !self.contacts.find(way, now, h) {
+        if !self.contacts.look(way, now, h) {
             return Err(Error::Crowded);
         }
         let passage = self.contacts.passage(start, x);

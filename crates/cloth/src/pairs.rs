@@ -1,0 +1,306 @@
+//! Which features of a cloth may come near each other: found for some time ahead.
+//!
+//! Nodes are taken to go on straight. What meets then is found by a tree of boxes that move, and serves
+//! until a node gets off its way by more than was reckoned with.
+
+use std::collections::HashSet;
+
+use selvedge_math::DVec3;
+
+use crate::Mesh;
+use crate::broad::{Moving, Tree};
+use crate::distance::{Kind, approach, distance};
+use crate::surroundings::Part;
+
+/// Pairs are looked for so long ahead [s], or one substep.
+const AHEAD: f64 = 1.0 / 30.0;
+/// How far a node may get off its straight way in that time, as a share of the shortest edge; no less
+/// than a third of the reach.
+const DRIFT: f64 = 0.15;
+/// Further away from the origin [m] nothing is looked for.
+const FARTHEST: f64 = 1e30;
+/// The way of pairs that were never looked for.
+const NEVER: [f64; 2] = [f64::NAN; 2];
+
+/// Two features.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Pair {
+    pub(crate) kind: Kind,
+    pub(crate) nodes: [u32; 4],
+}
+
+/// A pair that may come near, as it was when it was found.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    pair: Pair,
+    /// How far apart the two were, and by how much that may shrink on the whole way [m]: no more than
+    /// they move towards each other.
+    distance: f64,
+    approach: f64,
+}
+
+impl Candidate {
+    #[inline]
+    fn new(pair: Pair, paths: &[[DVec3; 2]]) -> Self {
+        let nodes = pair.nodes.map(|k| k as usize);
+        let (at, way) = (nodes.map(|k| paths[k][0]), nodes.map(|k| paths[k][1]));
+        Self {
+            pair,
+            distance: distance(pair.kind, &at),
+            approach: approach(pair.kind, way),
+        }
+    }
+}
+
+/// The pairs of features that may come near.
+#[derive(Debug)]
+pub(crate) struct Pairs {
+    triangles: Vec<[u32; 3]>,
+    /// All edges, diagonals too.
+    edges: Vec<[u32; 2]>,
+    /// Corners and edges of each triangle that no triangle before has.
+    own: Vec<Own>,
+    tree: Tree,
+    /// Where each node was when pairs were looked for, and the way [m] it was going to go.
+    paths: Vec<[DVec3; 2]>,
+    /// The mean way of each triangle, and how much that of a corner differs from it at most [m].
+    courses: Vec<(DVec3, f64)>,
+    /// How near features are that matter [m].
+    reach: f64,
+    /// How far a node may get off its way [m].
+    drift: f64,
+    /// The time of that way: its start and its length [s].
+    ahead: [f64; 2],
+    /// The share of it that is over at the end of the present substep, and how far off a node is by
+    /// then at most [m].
+    share: f64,
+    off: f64,
+    list: Vec<Candidate>,
+    /// More than this are not looked at: the input has collapsed.
+    most: usize,
+}
+
+impl Pairs {
+    /// Those of a mesh, of features that come within `reach` [m].
+    pub(crate) fn new(mesh: &Mesh, reach: f64) -> Self {
+        let mut triangles = mesh.triangles().to_vec();
+        let mut edges = mesh.edges().to_vec();
+        for &[a, b, c, d] in mesh.quads() {
+            triangles.extend([[a, b, c], [a, c, d]]);
+            edges.push([a.min(c), a.max(c)]);
+        }
+        edges.sort_unstable();
+        let rest = mesh.rest();
+        let centre = |t: &[u32; 3]| t.iter().map(|&k| rest[k as usize]).sum::<DVec3>() / 3.0;
+        let centres: Vec<DVec3> = triangles.iter().map(centre).collect();
+        Self {
+            own: own_parts(&triangles),
+            courses: vec![(DVec3::ZERO, 0.0); triangles.len()],
+            tree: Tree::new(&centres),
+            paths: vec![[DVec3::ZERO; 2]; rest.len()],
+            reach,
+            drift: (reach / 3.0).max(DRIFT * shortest_edge(mesh)),
+            ahead: NEVER,
+            share: 0.0,
+            off: 0.0,
+            list: Vec::new(),
+            most: 200 * mesh.node_count() + 10_000,
+            triangles,
+            edges,
+        }
+    }
+
+    /// All edges and faces.
+    pub(crate) fn parts(&self) -> impl Iterator<Item = Part> + Clone + '_ {
+        let edges = self.edges.iter().map(|&[p, q]| (true, [p, q, q]));
+        edges.chain(self.triangles.iter().map(|&t| (false, t)))
+    }
+
+    /// They are looked for anew.
+    pub(crate) fn forget(&mut self) {
+        self.ahead = NEVER;
+    }
+
+    /// Finds the pairs that may come near while the nodes go on as in the substep of `h` [s] from `now`
+    /// [s] on, in which they go from `x` to `guess`; false when there are too many to be looked at, or a
+    /// way is not finite: they are looked for anew then.
+    pub(crate) fn find(&mut self, [x, guess]: [&[DVec3]; 2], now: f64, h: f64) -> bool {
+        let substeps = (AHEAD / h).max(1.0);
+        self.ahead = NEVER;
+        for (path, (x, guess)) in self.paths.iter_mut().zip(x.iter().zip(guess)) {
+            *path = [*x, substeps * (*guess - *x)];
+        }
+        self.list.clear();
+        let is_within = |[x, way]: &[DVec3; 2]| (x.abs() + way.abs()).max_element() < FARTHEST;
+        if !self.paths.iter().all(is_within) {
+            return false;
+        }
+        let reach = self.reach + 2.0 * self.drift;
+        let most = self.most;
+        let Self {
+            paths,
+            triangles,
+            own,
+            courses,
+            list,
+            ..
+        } = self;
+        for (course, triangle) in courses.iter_mut().zip(&*triangles) {
+            let ways = triangle.map(|k| paths[k as usize][1]);
+            let mean = (ways[0] + ways[1] + ways[2]) / 3.0;
+            let off = ways.map(|way| way.distance_squared(mean));
+            *course = (mean, off[0].max(off[1]).max(off[2]).sqrt());
+        }
+        self.tree.set_boxes(|t| {
+            let [a, b, c] = triangles[t as usize].map(|k| {
+                let [at, way] = paths[k as usize];
+                Moving::around([at, at + way], 0.5 * reach)
+            });
+            a.join(&b).join(&c)
+        });
+        let found = self.tree.meetings(|first, second| {
+            let [first, second] = [first, second].map(|t| t as usize);
+            // Far is what no two of their points bring together, a cheaper bound than that of each pair.
+            let far = {
+                let [(a, r), (b, s)] = [courses[first], courses[second]];
+                reach + a.distance(b) + r + s
+            };
+            let mut add = |kind: Kind, nodes: [u32; 4]| {
+                let at = nodes.map(|k| paths[k as usize][0]);
+                if !are_apart(kind, &at, far) {
+                    let candidate = Candidate::new(Pair { kind, nodes }, paths);
+                    if candidate.distance <= reach + candidate.approach {
+                        list.push(candidate);
+                    }
+                }
+            };
+            for [of, other] in [[first, second], [second, first]] {
+                let [a, b, c] = triangles[other];
+                for &node in own[of].nodes() {
+                    if node != a && node != b && node != c {
+                        add(Kind::NodeTriangle, [node, a, b, c]);
+                    }
+                }
+            }
+            for &e in own[first].edges() {
+                for &f in own[second].edges() {
+                    let ([p, q], [r, s]) = (e.min(f), e.max(f));
+                    if p != r && p != s && q != r && q != s {
+                        add(Kind::EdgeEdge, [p, q, r, s]);
+                    }
+                }
+            }
+            list.len() < most
+        });
+        if found {
+            self.ahead = [now, substeps * h];
+            (self.share, self.off) = (1.0 / substeps, 0.0);
+        }
+        found
+    }
+
+    /// Whether the pairs are those of the substep of `h` [s] from `now` [s] on too: every node is near
+    /// enough to the way that it was going to go.
+    pub(crate) fn covers(&mut self, [x, end]: [&[DVec3]; 2], now: f64, h: f64) -> bool {
+        let [since, length] = self.ahead;
+        let mut shares = [now, now + h].map(|time| (time - since) / length);
+        if shares[1] > 1.0 + 1e-9 {
+            // The pairs are those of nodes that stay where the way ends, too.
+            shares = [1.0; 2];
+        }
+        let (most, mut off, mut near) = (self.drift * self.drift, 0.0_f64, shares[0] >= -1e-9);
+        for ((x, end), [from, way]) in x.iter().zip(end).zip(&self.paths) {
+            for (at, share) in [(x, shares[0]), (end, shares[1])] {
+                let squared = at.distance_squared(*from + *way * share);
+                near &= squared <= most;
+                off = off.max(squared);
+            }
+        }
+        (self.share, self.off) = (shares[1], off.sqrt());
+        near
+    }
+
+    /// Those that may come within reach in the present substep.
+    pub(crate) fn near(&self) -> impl Iterator<Item = &Pair> {
+        let reach = self.reach + 2.0 * self.off;
+        let may = move |c: &&Candidate| c.distance - self.share * c.approach <= reach;
+        self.list.iter().filter(may).map(|c| &c.pair)
+    }
+}
+
+/// Length of the shortest edge at rest [m].
+pub(crate) fn shortest_edge(mesh: &Mesh) -> f64 {
+    let rest = mesh.rest();
+    let length = |e: &[u32; 2]| rest[e[0] as usize].distance(rest[e[1] as usize]);
+    mesh.edges()
+        .iter()
+        .map(length)
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// The edges of a triangle, each with its lower node first.
+fn edges(&[a, b, c]: &[u32; 3]) -> [[u32; 2]; 3] {
+    [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)])
+}
+
+/// Corners and edges of a triangle that no triangle before has: so many of the first.
+#[derive(Clone, Copy, Debug)]
+struct Own {
+    nodes: [u32; 3],
+    edges: [[u32; 2]; 3],
+    count: [usize; 2],
+}
+
+impl Own {
+    fn nodes(&self) -> &[u32] {
+        &self.nodes[..self.count[0]]
+    }
+
+    fn edges(&self) -> &[[u32; 2]] {
+        &self.edges[..self.count[1]]
+    }
+}
+
+fn own_parts(triangles: &[[u32; 3]]) -> Vec<Own> {
+    let (mut nodes, mut sides) = (HashSet::new(), HashSet::new());
+    let own = triangles.iter().map(|triangle| {
+        let mut own = Own {
+            nodes: *triangle,
+            edges: edges(triangle),
+            count: [0; 2],
+        };
+        for k in 0..3 {
+            if nodes.insert(own.nodes[k]) {
+                own.nodes.swap(own.count[0], k);
+                own.count[0] += 1;
+            }
+            if sides.insert(own.edges[k]) {
+                own.edges.swap(own.count[1], k);
+                own.count[1] += 1;
+            }
+        }
+        own
+    });
+    own.collect()
+}
+
+/// Whether a plane across the line between their middles keeps the two features further apart than
+/// `reach`: a cheap test that leaves out most pairs.
+#[inline]
+fn are_apart(kind: Kind, x: &[DVec3; 4], reach: f64) -> bool {
+    // How far apart along the line `d`, times its length
+    let (d, apart) = match kind {
+        Kind::NodeTriangle => {
+            let d = x[0] - (x[1] + x[2] + x[3]) / 3.0;
+            let [a, b, c] = [1, 2, 3].map(|k| (x[0] - x[k]).dot(d));
+            (d, a.min(b).min(c))
+        }
+        Kind::EdgeEdge => {
+            let (u, v) = (x[1] - x[0], x[3] - x[2]);
+            let d = 0.5 * (x[0] + x[1] - x[2] - x[3]);
+            let along = 0.5 * (u.dot(d).abs() + v.dot(d).abs());
+            (d, d.length_squared() - along)
+        }
+    };
+    apart > 0.0 && apart * apart > reach * reach * d.length_squared()
+}
