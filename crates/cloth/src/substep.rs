@@ -123,6 +123,22 @@ impl Simulator {
             {
                 return Ok(None);
             }
+            // Once nodes stay where they are, the rest of the strain needs no whole iterations; on
+            // obstacles it does, since they would slide too easily
+            let stays = moved <= self.settings.settled && self.surroundings.is_empty();
+            let more = if stays { MORE } else { 0 };
+            for _ in 0..more {
+                let before = strain.open;
+                if before <= self.settings.tolerance {
+                    break;
+                }
+                strain = self.correct_rows(law);
+                if strain.open > 0.7 * before {
+                    break;
+                }
+            }
+            (ended.strain, ended.unsolved) = (strain.largest, strain.unsolved);
+            let (x, open) = (&self.now.positions, strain.open);
             let sunk = (0..n)
                 .filter(|&node| !self.hands.is_held[node])
                 .map(|node| {
@@ -136,29 +152,10 @@ impl Simulator {
             } else {
                 0.0
             };
-            // Once nodes stay where they are, the rest of the strain needs no whole iterations; on
-            // obstacles it does, since they would slide too easily
-            let more = if self.surroundings.is_empty() {
-                MORE
-            } else {
-                0
-            };
-            for _ in 0..more {
-                if moved > self.settings.settled || strain.open <= self.settings.tolerance {
-                    break;
-                }
-                let before = strain.open;
-                strain = self.correct_rows(law);
-                if strain.open > 0.7 * before {
-                    break;
-                }
-            }
-            (ended.strain, ended.unsolved) = (strain.largest, strain.unsolved);
-            let open = strain.open;
             if open <= self.settings.tolerance
                 && moved <= self.settings.settled
                 && sunk <= SUNK
-                && self.contacts.lack(&self.now.positions) <= TOO_NEAR
+                && self.contacts.lack(x) <= TOO_NEAR
             {
                 break;
             }
