@@ -131,7 +131,9 @@ impl Pairs {
             *path = [*x, substeps * (*guess - *x)];
         }
         self.list.clear();
-        let is_within = |[x, way]: &[DVec3; 2]| (x.abs() + way.abs()).max_element() < FARTHEST;
+        // False for what is not a number, too.
+        let is_within =
+            |[x, way]: &[DVec3; 2]| (x.abs() + way.abs()).cmplt(DVec3::splat(FARTHEST)).all();
         if !self.paths.iter().all(is_within) {
             return false;
         }
@@ -303,4 +305,89 @@ fn are_apart(kind: Kind, x: &[DVec3; 4], reach: f64) -> bool {
         }
     };
     apart > 0.0 && apart * apart > reach * reach * d.length_squared()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const H: f64 = 1.0 / 120.0;
+    const REACH: f64 = 1.5e-3;
+
+    fn random(state: &mut u64) -> DVec3 {
+        let mut next = || {
+            *state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (*state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        DVec3::new(next(), next(), next())
+    }
+
+    /// Whatever comes within reach in one of the substeps for which the pairs serve is among the near
+    /// ones.
+    #[test]
+    fn nothing_that_comes_near_is_left_out() {
+        let mesh = Mesh::grid([5, 6], [0.08, 0.1]).unwrap();
+        let all: Vec<Pair> = {
+            // Everything is within a metre.
+            let mut pairs = Pairs::new(&mesh, 1.0);
+            assert!(pairs.find([mesh.rest(), mesh.rest()], 0.0, H));
+            pairs.near().copied().collect()
+        };
+        let (state, mut near_count, mut left_out) = (&mut 3, 0, 0);
+        for _ in 0..60 {
+            let mut pairs = Pairs::new(&mesh, REACH);
+            // A crumpled sheet whose nodes go anywhere, not quite straight
+            let mut x: Vec<DVec3> = Vec::new();
+            x.extend(mesh.rest().iter().map(|x| 0.4 * *x + 0.04 * random(state)));
+            let mut ways: Vec<DVec3> = Vec::new();
+            ways.extend(x.iter().map(|_| 0.01 * random(state)));
+            let guess: Vec<DVec3> = x.iter().zip(&ways).map(|(x, way)| *x + *way).collect();
+            assert!(pairs.find([&x, &guess], 0.0, H));
+            for substep in 0..4 {
+                let mut end = Vec::new();
+                let stray = 0.5 * pairs.drift;
+                end.extend(
+                    x.iter()
+                        .zip(&ways)
+                        .map(|(x, way)| *x + *way + stray * random(state)),
+                );
+                if !pairs.covers([&x, &end], H * f64::from(substep), H) {
+                    break;
+                }
+                let near: HashSet<_> = pairs.near().map(|p| (p.kind as u8, p.nodes)).collect();
+                for pair in &all {
+                    let nodes = pair.nodes.map(|k| k as usize);
+                    let comes = (0..=8).any(|k| {
+                        let at = nodes.map(|node| x[node].lerp(end[node], f64::from(k) / 8.0));
+                        distance(pair.kind, &at) < REACH
+                    });
+                    let is_there = near.contains(&(pair.kind as u8, pair.nodes));
+                    assert!(is_there || !comes, "{pair:?}");
+                    near_count += usize::from(comes);
+                    left_out += usize::from(!is_there);
+                }
+                x = end;
+            }
+        }
+        assert!(
+            near_count > 1000 && left_out > 1000,
+            "{near_count} {left_out}"
+        );
+    }
+
+    #[test]
+    fn ways_without_end_are_not_looked_at() {
+        let mesh = Mesh::grid([3, 3], [0.04, 0.04]).unwrap();
+        let mut pairs = Pairs::new(&mesh, REACH);
+        for bad in [f64::NAN, f64::INFINITY, -1e35] {
+            let mut guess = mesh.rest().to_vec();
+            guess[4].y = bad;
+            assert!(!pairs.find([mesh.rest(), &guess], 0.0, H), "{bad}");
+            assert!(!pairs.covers([mesh.rest(), mesh.rest()], 0.0, H));
+        }
+        assert!(pairs.find([mesh.rest(), mesh.rest()], 0.0, H));
+        assert!(pairs.covers([mesh.rest(), mesh.rest()], 0.0, H));
+    }
 }
