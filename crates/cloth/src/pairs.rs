@@ -336,13 +336,14 @@ mod tests {
             pairs.near().copied().collect()
         };
         let (state, mut near_count, mut left_out) = (&mut 3, 0, 0);
-        for _ in 0..60 {
+        for round in 0..60 {
             let mut pairs = Pairs::new(&mesh, REACH);
-            // A crumpled sheet whose nodes go anywhere, not quite straight
+            // A crumpled sheet that goes as a whole, or whose nodes go anywhere, not quite straight
             let mut x: Vec<DVec3> = Vec::new();
             x.extend(mesh.rest().iter().map(|x| 0.4 * *x + 0.04 * random(state)));
             let mut ways: Vec<DVec3> = Vec::new();
-            ways.extend(x.iter().map(|_| 0.01 * random(state)));
+            let apart = 0.01 * f64::from(round % 2);
+            ways.extend(x.iter().map(|_| 0.01 * DVec3::X + apart * random(state)));
             let guess: Vec<DVec3> = x.iter().zip(&ways).map(|(x, way)| *x + *way).collect();
             assert!(pairs.find([&x, &guess], 0.0, H));
             for substep in 0..4 {
