@@ -136,6 +136,11 @@ impl Rows {
             .map(|(k, _)| k)
             .collect();
         let point = |k: u32| rest[k as usize];
+        let ends = edges.iter().map(|e| 0.5 * (point(e[0]) + point(e[1])));
+        let middles = quads
+            .iter()
+            .map(|q| 0.25 * q.map(point).iter().sum::<DVec3>());
+        let places: Vec<DVec3> = ends.chain(middles).collect();
         let frames = quads.iter().map(|q| tangents(q, rest));
         Ok(Self {
             lengths: edges
@@ -164,7 +169,7 @@ impl Rows {
             gradients: vec![DVec3::ZERO; node.len()],
             weighted: vec![DVec3::ZERO; node.len()],
             values: vec![0.0; pattern.len()],
-            cholesky: Cholesky::analyse(row_count, &pattern)?,
+            cholesky: Cholesky::analyse_in_space(&pattern, &places)?,
             change: vec![0.0; row_count],
             edges,
             quads,
