@@ -25,8 +25,9 @@ const FINE: f64 = 3.0;
 const HARD: f64 = 0.25;
 /// One with at most this share is easy, ...
 const EASY: f64 = 0.1;
-/// ... and after so many of them the next are longer again.
-const EASY_IN_A_ROW: u32 = 4;
+/// ... and after so many of them the next are longer again; that they must be cut once more costs the
+/// time of ten.
+const EASY_IN_A_ROW: u32 = 64;
 /// Substeps are cut beforehand at most so often.
 const MAX_CUTS_BEFOREHAND: u32 = 4;
 
@@ -288,7 +289,7 @@ impl Simulator {
         let hands = &mut self.hands;
         let same = hands.take(held, &self.pinned, &self.now.positions, dt);
         self.stale |= !same;
-        if self.fine && !same {
+        if !same {
             self.rows.forget();
         }
         for &node in &hands.nodes {

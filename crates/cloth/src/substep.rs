@@ -216,12 +216,8 @@ impl Simulator {
         self.stale |= new;
         let slack = 0.1 / self.nodes.inverse(0);
         if self.rows.tauten(slack) || new {
-            let held = if self.fine {
-                &self.hands.nodes[..]
-            } else {
-                &[]
-            };
-            self.predictor.factor(self.rows.tautness(), held)?;
+            self.predictor
+                .factor(self.rows.tautness(), &self.hands.nodes)?;
         }
 
         // Load without the forces that are sought
