@@ -25,8 +25,8 @@ const FINE: f64 = 3.0;
 const HARD: f64 = 0.25;
 /// One with at most this share is easy, ...
 const EASY: f64 = 0.1;
-/// ... and after so many of them the next are longer again; that they must be cut once more costs the
-/// time of ten.
+/// ... and after so many of them the next are longer again: late, since a long one that turns out hard costs as
+/// much as ten short ones.
 const EASY_IN_A_ROW: u32 = 64;
 /// Substeps are cut beforehand at most so often.
 const MAX_CUTS_BEFOREHAND: u32 = 4;
