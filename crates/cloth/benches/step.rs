@@ -1,5 +1,5 @@
 //! What a step of 1/60 s costs: a sheet at rest, and a second of three motions on meshes of 168 to 10304
-//! nodes.
+//! nodes, of large ones on two threads, too.
 
 use std::hint::black_box;
 use std::ops::Range;
@@ -90,10 +90,19 @@ fn growth(c: &mut Criterion) {
     for motion in &MOTIONS {
         let mut group = c.benchmark_group(format!("a step of a sheet {}", motion.name));
         group.sample_size(10);
-        for nodes in [[12, 14], [23, 28], [46, 56], [92, 112]] {
+        let meshes = [[12, 14], [23, 28], [46, 56], [92, 112]];
+        let alone = meshes.map(|nodes| (nodes, 1));
+        // Threads help what is large.
+        let together = meshes[2..].iter().map(|&nodes| (nodes, 2));
+        for (nodes, threads) in alone.into_iter().chain(together) {
             let (mesh, mut cloth) = sheet(nodes, motion.table);
+            cloth.set_threads(threads).expect("threads");
             let zero = vec![DVec3::ZERO; mesh.node_count()];
-            group.bench_function(BenchmarkId::from_parameter(mesh.node_count()), |b| {
+            let name = match threads {
+                1 => BenchmarkId::from_parameter(mesh.node_count()),
+                _ => BenchmarkId::new(format!("{threads} threads"), mesh.node_count()),
+            };
+            group.bench_function(name, |b| {
                 b.iter_custom(|repeats| {
                     let mut spent = Duration::ZERO;
                     for _ in 0..repeats {

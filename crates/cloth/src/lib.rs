@@ -113,6 +113,9 @@ pub enum Error {
     /// A matrix could not be analysed or factored.
     #[error("a matrix could not be factored: {0}")]
     Factorisation(String),
+    /// The threads cannot be started.
+    #[error("threads: {0}")]
+    Threads(String),
     /// A node index is out of range.
     #[error("node {node} must be below the node count {node_count}")]
     NoSuchNode {

@@ -3,7 +3,7 @@
 use selvedge_math::DVec3;
 
 use crate::bending::Matrix;
-use crate::linear::Cholesky;
+use crate::linear::{Cholesky, Threads};
 use crate::nodes::Nodes;
 use crate::{Error, Material};
 
@@ -98,6 +98,10 @@ impl Predictor {
         }
         self.h = h;
         true
+    }
+
+    pub(crate) fn set_threads(&mut self, threads: &Threads) {
+        self.cholesky.set_threads(threads);
     }
 
     /// The matrix is built anew.

@@ -13,7 +13,7 @@
 
 use selvedge_math::DVec3;
 
-use crate::linear::Cholesky;
+use crate::linear::{Cholesky, Threads};
 use crate::nodes::Nodes;
 use crate::{Error, Mesh};
 
@@ -185,6 +185,10 @@ impl Rows {
 
     pub(crate) fn quads(&self) -> &[[u32; 4]] {
         &self.quads
+    }
+
+    pub(crate) fn set_threads(&mut self, threads: &Threads) {
+        self.cholesky.set_threads(threads);
     }
 
     /// Tension is looked at anew.

@@ -5,6 +5,7 @@ use selvedge_math::{ClothSimulator, DVec3, Held, Pose, SimulatorError, Status, S
 use crate::bending::{Matrix, bending_matrix};
 use crate::contact::{Contact, Contacts};
 use crate::hands::{Hands, Reach};
+use crate::linear::Threads;
 use crate::nodes::Nodes;
 use crate::predictor::Predictor;
 use crate::rows::Rows;
@@ -196,6 +197,18 @@ impl Simulator {
     /// that pushes.
     pub fn forces_mut(&mut self) -> &mut [DVec3] {
         &mut self.external
+    }
+
+    /// From now on a step uses so many threads for what is large enough: factors and solves of some
+    /// thousand nodes. The results are the same to the bit with any number.
+    ///
+    /// # Errors
+    /// [`Error::Threads`] when there are none, or the system has no more.
+    pub fn set_threads(&mut self, count: usize) -> Result<(), Error> {
+        let threads = Threads::new(count)?;
+        self.rows.set_threads(&threads);
+        self.predictor.set_threads(&threads);
+        Ok(())
     }
 
     /// Pins nodes where they are, instead of those pinned before.

@@ -1,12 +1,17 @@
-//! The factorisation as its user sees it, and what it keeps.
+//! The factorisation as its user sees it.
 
 use selvedge_math::DVec3;
 
 use super::factor::Factor;
-use super::points::{Point, SolvePoints};
-use super::simd::{BLOCK, dispatch};
-use super::solve::Solve;
+use super::points::{DownPoints, UpPoints};
+use super::simd::dispatch;
+use super::solve::{Down, Up};
+use super::threads::Threads;
+use super::tree::Tree;
 use crate::Error;
+
+/// A factor of more entries is solved with all threads.
+const MANY: usize = 500_000;
 
 /// `S = L L^T` of a symmetric positive definite matrix with a fixed pattern.
 ///
@@ -27,74 +32,19 @@ use crate::Error;
 /// ```
 #[derive(Debug)]
 pub struct Cholesky {
-    /// Place of each row among the padded unknowns.
-    pub(super) position: Vec<u32>,
-    /// Children before parents.
-    pub(super) fronts: Vec<Front>,
-    /// Entries of the matrix by front: which of the values, and its place in the panel.
-    pub(super) entries: Vec<[u32; 2]>,
-    /// Rows below the columns of each front, by their places among the padded unknowns.
-    pub(super) rows: Vec<u32>,
-    /// The place of each of those rows in the parent: among its columns or, after those, below them.
-    pub(super) places: Vec<u32>,
-    /// The children of each front.
-    pub(super) children: Vec<u32>,
-    /// The panel of each front, column by column: its rows in the columns of the front, then those
-    /// below, each part padded. Above the diagonal is nothing of use.
-    pub(super) panels: Vec<f64>,
-    /// Update matrices waiting for their parents, by parity of the depth.
-    pub(super) waiting: [Vec<f64>; 2],
-    /// How many unknowns there are, each front's padded with zeros like its columns.
-    pub(super) padded: usize,
-    /// The unknowns by front.
-    pub(super) unknowns: Vec<f64>,
-    /// The part below of one column.
-    pub(super) local: Vec<f64>,
-    /// The same two for points.
-    pub(super) points: Vec<Point>,
-    pub(super) below: Vec<Point>,
-}
-
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Front {
-    /// Its first column, by its place among the padded unknowns.
-    pub(super) column: usize,
-    pub(super) columns: usize,
-    /// Where the rows below begin, and how many there are.
-    pub(super) row: usize,
-    pub(super) below: usize,
-    /// Where the panel begins.
-    pub(super) panel: usize,
-    /// Where its update matrix lies on which of the two stacks.
-    pub(super) update: usize,
-    pub(super) stack: usize,
-    /// Its range of `entries`.
-    pub(super) first_entry: usize,
-    pub(super) last_entry: usize,
-    /// Its range of `children`.
-    pub(super) first_child: usize,
-    pub(super) last_child: usize,
-    /// How many of the rows below are columns of the parent.
-    pub(super) shared: usize,
-}
-
-impl Front {
-    /// Padded number of columns: where the rows below begin in a column of the panel.
-    pub(super) fn top(&self) -> usize {
-        self.columns.next_multiple_of(BLOCK)
-    }
-
-    /// Padded number of rows below.
-    pub(super) fn bottom(&self) -> usize {
-        self.below.next_multiple_of(BLOCK)
-    }
-
-    pub(super) fn height(&self) -> usize {
-        self.top() + self.bottom()
-    }
+    /// Parts of the tree of eliminations that do not meet; a small matrix has none.
+    pub(super) branches: Vec<Tree>,
+    /// What they hang on: it is eliminated after all of them.
+    pub(super) trunk: Tree,
+    pub(super) threads: Threads,
 }
 
 impl Cholesky {
+    /// From now on uses these threads; the results are the same.
+    pub fn set_threads(&mut self, threads: &Threads) {
+        self.threads = threads.clone();
+    }
+
     /// Factors the matrix with these values, in the order of the pairs it was analysed with.
     ///
     /// # Errors
@@ -104,8 +54,14 @@ impl Cholesky {
     /// # Panics
     /// When there is not one value for each pair.
     pub fn factor(&mut self, values: &[f64]) -> Result<(), Error> {
-        assert_eq!(values.len(), self.entries.len(), "one value a pair");
-        if dispatch(Factor(self, values)) {
+        let trees = self.branches.iter().chain([&self.trunk]);
+        let count: usize = trees.map(|tree| tree.entries.len()).sum();
+        assert_eq!(values.len(), count, "one value a pair");
+        self.threads.each(&mut self.branches, |tree| {
+            tree.definite = dispatch(Factor(tree, values, &[]));
+        });
+        let good = self.branches.iter().all(|tree| tree.definite);
+        if good && dispatch(Factor(&mut self.trunk, values, &self.branches)) {
             Ok(())
         } else {
             Err(Error::Factorisation("it is not positive definite".into()))
@@ -117,17 +73,29 @@ impl Cholesky {
     /// # Panics
     /// When `rhs` has not `n` entries.
     pub fn solve(&mut self, rhs: &mut [f64]) {
-        let n = self.position.len();
-        assert_eq!(rhs.len(), n, "one entry a row");
-        // The padding too, where an earlier right hand side may have left what is not a number.
-        self.unknowns.clear();
-        self.unknowns.resize(self.padded, 0.0);
-        for (&p, value) in self.position.iter().zip(&*rhs) {
-            self.unknowns[p as usize] = *value;
+        assert_eq!(rhs.len(), self.row_count(), "one entry a row");
+        let threads = self.threads_to_solve();
+        let (branches, trunk) = (&mut self.branches, &mut self.trunk);
+        threads.each(branches, |tree| {
+            tree.gather(rhs);
+            dispatch(Down(tree));
+        });
+        trunk.gather(rhs);
+        for tree in &*branches {
+            for (x, taken) in trunk.unknowns.iter_mut().zip(&tree.unknowns[tree.own..]) {
+                *x += taken;
+            }
         }
-        dispatch(Solve(self));
-        for (&p, value) in self.position.iter().zip(rhs) {
-            *value = self.unknowns[p as usize];
+        dispatch(Down(trunk));
+        dispatch(Up(trunk));
+        threads.each(branches, |tree| {
+            tree.unknowns[tree.own..].copy_from_slice(&trunk.unknowns);
+            dispatch(Up(tree));
+        });
+        for tree in branches.iter().chain([&*trunk]) {
+            for &[unknown, row] in &tree.members {
+                rhs[row as usize] = tree.unknowns[unknown as usize];
+            }
         }
     }
 
@@ -136,14 +104,46 @@ impl Cholesky {
     /// # Panics
     /// When there is not one point a row.
     pub fn solve_points(&mut self, points: &mut [DVec3]) {
-        assert_eq!(points.len(), self.position.len(), "one point a row");
-        for (&p, point) in self.position.iter().zip(&*points) {
-            self.points[p as usize] = [point.x, point.y, point.z, 0.0];
+        assert_eq!(points.len(), self.row_count(), "one point a row");
+        let threads = self.threads_to_solve();
+        let (branches, trunk) = (&mut self.branches, &mut self.trunk);
+        threads.each(branches, |tree| {
+            tree.gather_points(points);
+            dispatch(DownPoints(tree));
+        });
+        trunk.gather_points(points);
+        for tree in &*branches {
+            for (point, taken) in trunk.points.iter_mut().zip(&tree.points[tree.own..]) {
+                for (x, taken) in point.iter_mut().zip(taken) {
+                    *x += taken;
+                }
+            }
         }
-        dispatch(SolvePoints(self));
-        for (&p, point) in self.position.iter().zip(points) {
-            *point = DVec3::from_slice(&self.points[p as usize]);
+        dispatch(DownPoints(trunk));
+        dispatch(UpPoints(trunk));
+        threads.each(branches, |tree| {
+            tree.points[tree.own..].copy_from_slice(&trunk.points);
+            dispatch(UpPoints(tree));
+        });
+        for tree in branches.iter().chain([&*trunk]) {
+            for &[unknown, row] in &tree.members {
+                points[row as usize] = DVec3::from_slice(&tree.points[unknown as usize]);
+            }
         }
+    }
+
+    /// The threads, if solving takes long enough to wake them.
+    fn threads_to_solve(&self) -> Threads {
+        let trees = self.branches.iter().chain([&self.trunk]);
+        match trees.map(|tree| tree.panels.len()).sum::<usize>() > MANY {
+            true => self.threads.clone(),
+            false => Threads::default(),
+        }
+    }
+
+    fn row_count(&self) -> usize {
+        let trees = self.branches.iter().chain([&self.trunk]);
+        trees.map(|tree| tree.members.len()).sum()
     }
 }
 
@@ -180,7 +180,7 @@ mod tests {
 
     #[test]
     fn solves_to_rounding() {
-        for n in [1, 2, 5, 17, 40] {
+        for n in [1, 2, 5, 17, 40, 120] {
             let matrix = grid_matrix(n, 4.5);
             let mut cholesky = analyse(n * n, &matrix);
             cholesky.factor(&values(&matrix)).unwrap();
@@ -222,6 +222,27 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn threads_give_the_same_bits() {
+        let n = 90;
+        let matrix = grid_matrix(n, 4.5);
+        let pattern: Vec<(u32, u32)> = matrix.iter().map(|&(entry, _)| entry).collect();
+        let place = |k| DVec3::new((k % n) as f64, (k / n) as f64, 0.0);
+        let places: Vec<DVec3> = (0..n * n).map(place).collect();
+        let [alone, two, five] = [1, 2, 5].map(|threads| {
+            let mut cholesky = Cholesky::analyse_in_space(&pattern, &places).unwrap();
+            assert!(cholesky.branches.len() > 2);
+            cholesky.set_threads(&Threads::new(threads).unwrap());
+            cholesky.factor(&values(&matrix)).unwrap();
+            let mut rhs: Vec<f64> = (0..n * n).map(|k| (k as f64).sin()).collect();
+            cholesky.solve(&mut rhs);
+            let mut points = places.clone();
+            cholesky.solve_points(&mut points);
+            (rhs, points)
+        });
+        assert!(alone == two && alone == five);
     }
 
     #[test]

@@ -2,11 +2,16 @@
 
 use std::ops::Range;
 
-use super::cholesky::{Cholesky, Front};
 use super::simd::{BLOCK, Simd, WithSimd, vectors, vectors_mut};
+use super::tree::{Front, Tree};
 
-/// Factors with these values, in the order of the pairs that were analysed.
-pub(super) struct Factor<'a>(pub(super) &'a mut Cholesky, pub(super) &'a [f64]);
+/// Factors a tree with these values, in the order of the pairs that were analysed, after the branches that
+/// hang on it.
+pub(super) struct Factor<'a>(
+    pub(super) &'a mut Tree,
+    pub(super) &'a [f64],
+    pub(super) &'a [Tree],
+);
 
 impl WithSimd for Factor<'_> {
     /// Whether all pivots are positive and finite.
@@ -15,16 +20,18 @@ impl WithSimd for Factor<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
         let Self(
-            Cholesky {
+            Tree {
                 fronts,
                 entries,
                 children,
+                grafts,
                 places,
                 panels,
                 waiting,
                 ..
             },
             values,
+            branches,
         ) = self;
         let [even, odd] = waiting;
         for front in &*fronts {
@@ -45,6 +52,21 @@ impl WithSimd for Factor<'_> {
             for child in own_children.clone() {
                 add(panel, height, 0, child, 0..child.shared, childrens, places);
             }
+            let grafts = &grafts[front.first_graft..front.last_graft];
+            let grafts = grafts.iter().map(|&k| &branches[k as usize]);
+            let grafts = grafts.filter_map(|tree| Some((tree, tree.fronts.last()?)));
+            for (tree, root) in grafts.clone() {
+                let updates = &tree.waiting[root.stack];
+                add(
+                    panel,
+                    height,
+                    0,
+                    root,
+                    0..root.shared,
+                    updates,
+                    &tree.places,
+                );
+            }
             if !factor_panel(simd, panel, front.columns, height) {
                 return false;
             }
@@ -55,6 +77,11 @@ impl WithSimd for Factor<'_> {
                 for child in own_children {
                     let rest = child.shared..child.below;
                     add(update, bottom, top, child, rest, childrens, places);
+                }
+                for (tree, root) in grafts {
+                    let rest = root.shared..root.below;
+                    let updates = &tree.waiting[root.stack];
+                    add(update, bottom, top, root, rest, updates, &tree.places);
                 }
             }
         }

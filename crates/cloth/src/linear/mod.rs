@@ -14,6 +14,9 @@ mod order;
 mod points;
 mod simd;
 mod solve;
+mod threads;
+mod tree;
 
 pub use cholesky::Cholesky;
 pub use dense::multiply;
+pub use threads::Threads;

@@ -1,28 +1,26 @@
 //! The two triangular solves for points: three right hand sides, side by side in one vector.
 
-use super::cholesky::{Cholesky, Front};
 use super::simd::{BLOCK, Simd, WithSimd};
+use super::tree::{Front, Tree};
 
 /// The coordinates of a point and a zero.
 pub(super) type Point = [f64; 4];
 
-/// Solves in place for the points.
-pub(super) struct SolvePoints<'a>(pub(super) &'a mut Cholesky);
+/// `L y = b` in place for the points of a tree.
+pub(super) struct DownPoints<'a>(pub(super) &'a mut Tree);
 
-impl WithSimd for SolvePoints<'_> {
+impl WithSimd for DownPoints<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Cholesky {
+        let Tree {
             fronts,
             rows,
             panels,
             points,
-            below,
             ..
         } = self.0;
-        // L y = b
         for front in &*fronts {
             let panel = &panels[front.panel..][..front.columns * front.height()];
             let rows = &rows[front.row..][..front.below];
@@ -37,7 +35,25 @@ impl WithSimd for SolvePoints<'_> {
             }
             take_below(simd, front, panel, rows, points);
         }
-        // L^T x = y
+    }
+}
+
+/// `L^T x = y` in place for the points of a tree.
+pub(super) struct UpPoints<'a>(pub(super) &'a mut Tree);
+
+impl WithSimd for UpPoints<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Tree {
+            fronts,
+            rows,
+            panels,
+            points,
+            below,
+            ..
+        } = self.0;
         for front in fronts.iter().rev() {
             let panel = &panels[front.panel..][..front.columns * front.height()];
             let rows = &rows[front.row..][..front.below];

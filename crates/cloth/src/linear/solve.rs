@@ -1,17 +1,17 @@
 //! The two triangular solves, front by front.
 
-use super::cholesky::{Cholesky, Front};
 use super::simd::{BLOCK, Simd, WithSimd, vectors, vectors_mut};
+use super::tree::{Front, Tree};
 
-/// Solves in place for the unknowns.
-pub(super) struct Solve<'a>(pub(super) &'a mut Cholesky);
+/// `L y = b` in place for the unknowns of a tree.
+pub(super) struct Down<'a>(pub(super) &'a mut Tree);
 
-impl WithSimd for Solve<'_> {
+impl WithSimd for Down<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Cholesky {
+        let Tree {
             fronts,
             rows,
             panels,
@@ -19,13 +19,30 @@ impl WithSimd for Solve<'_> {
             local,
             ..
         } = self.0;
-        // L y = b
         for front in &*fronts {
             let panel = &panels[front.panel..][..front.columns * front.height()];
             let rows = &rows[front.row..][..front.below];
             down(simd, front, panel, rows, unknowns, local);
         }
-        // L^T x = y
+    }
+}
+
+/// `L^T x = y` in place for the unknowns of a tree.
+pub(super) struct Up<'a>(pub(super) &'a mut Tree);
+
+impl WithSimd for Up<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Tree {
+            fronts,
+            rows,
+            panels,
+            unknowns,
+            local,
+            ..
+        } = self.0;
         for front in fronts.iter().rev() {
             let panel = &panels[front.panel..][..front.columns * front.height()];
             let rows = &rows[front.row..][..front.below];

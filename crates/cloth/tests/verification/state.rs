@@ -50,6 +50,31 @@ fn the_same_bits_twice() {
     assert!(run() == run());
 }
 
+/// On as many threads as there are, a sheet large enough for them is lifted to the same bits.
+#[test]
+fn the_same_bits_on_any_number_of_threads() {
+    let run = |threads| {
+        let mesh = Mesh::grid([46, 56], [0.42, 0.59]).unwrap();
+        let mut cloth = simulator(&mesh, Material::default(), Settings::default());
+        cloth.set_threads(threads).unwrap();
+        for step in 1..=4 {
+            let target = [mesh.rest()[2575] + DVec3::Z * 2e-3 * f64::from(step)];
+            let held = Held {
+                nodes: &[2575],
+                targets: &target,
+                velocities: &[DVec3::ZERO],
+            };
+            cloth.step(held, FRAME).unwrap();
+        }
+        bits(&cloth)
+    };
+    let alone = run(1);
+    assert!(alone == run(2) && alone == run(5));
+    let mesh = Mesh::grid([3, 3], [0.1, 0.1]).unwrap();
+    let mut cloth = simulator(&mesh, Material::default(), Settings::default());
+    assert!(cloth.set_threads(0).is_err());
+}
+
 /// Going on after a save gives the bits of going on from what was saved, in the same simulator and in
 /// a new one, in the air, in the hand and in contact.
 #[test]
