@@ -62,6 +62,7 @@ const HEAVY: &[&str] = &[
     "urdf_rs",
     "ros2_client",
     "pulp",
+    "rayon",
     "plotters",
     "zip",
     "color_quant",

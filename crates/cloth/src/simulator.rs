@@ -26,9 +26,11 @@ const FINE: f64 = 3.0;
 const HARD: f64 = 0.25;
 /// One with at most this share is easy, ...
 const EASY: f64 = 0.1;
-/// ... and after so many of them the next are longer again: late, since a long one that turns out hard costs as
-/// much as ten short ones.
-const EASY_IN_A_ROW: u32 = 64;
+/// ... and after so many of them the next are longer again, ...
+pub(crate) const PATIENCE: u32 = 4;
+/// ... after four times as many each time that longer ones turned out hard, but no more than this: one that is
+/// costs as much as ten short ones.
+const MOST_PATIENCE: u32 = 64;
 /// Substeps are cut beforehand at most so often.
 const MAX_CUTS_BEFOREHAND: u32 = 4;
 
@@ -418,8 +420,12 @@ impl Simulator {
         let share = f64::from(iterations) / f64::from(self.settings.iterations);
         now.easy = if share <= EASY { now.easy + 1 } else { 0 };
         if share > HARD && self.fine {
+            if cuts < now.hard {
+                now.patience = (4 * now.patience).min(MOST_PATIENCE);
+            }
             now.cuts = (cuts + 1).min(MAX_CUTS_BEFOREHAND);
-        } else if now.easy >= EASY_IN_A_ROW {
+            now.hard = now.cuts;
+        } else if now.easy >= now.patience {
             now.cuts = cuts.saturating_sub(1).min(MAX_CUTS_BEFOREHAND);
             now.easy = 0;
         }

@@ -3,6 +3,7 @@
 use selvedge_math::{DVec3, Pose};
 
 use crate::contact::Contact;
+use crate::simulator::PATIENCE;
 use crate::support::Supports;
 
 /// A simulation at one instant, to go back to: positions and velocities, and the forces and contacts
@@ -39,10 +40,13 @@ pub(crate) struct Instant {
     pub(crate) time: f64,
     /// How much too near layers are [m], not above zero.
     pub(crate) gap: f64,
-    /// How often a substep is cut in two before it is tried, and how many were easy since that last
-    /// changed.
+    /// How often a substep is cut in two before it is tried, how many were easy since that last
+    /// changed, and how many must be until longer ones are tried.
     pub(crate) cuts: u32,
     pub(crate) easy: u32,
+    pub(crate) patience: u32,
+    /// How often substeps were cut after the last hard one.
+    pub(crate) hard: u32,
     pub(crate) positions: Vec<DVec3>,
     pub(crate) velocities: Vec<DVec3>,
     /// Forces of the rows and of the ties, see `Rows` and `Nodes`.
@@ -62,6 +66,8 @@ impl Instant {
             gap: 0.0,
             cuts: 0,
             easy: 0,
+            patience: PATIENCE,
+            hard: 0,
             positions: rest.to_vec(),
             velocities: vec![DVec3::ZERO; n],
             multipliers: vec![0.0; row_count],
@@ -75,6 +81,7 @@ impl Instant {
         self.time = other.time;
         self.gap = other.gap;
         (self.cuts, self.easy) = (other.cuts, other.easy);
+        (self.patience, self.hard) = (other.patience, other.hard);
         self.positions.copy_from_slice(&other.positions);
         self.velocities.copy_from_slice(&other.velocities);
         self.multipliers.copy_from_slice(&other.multipliers);

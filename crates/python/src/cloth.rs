@@ -81,7 +81,7 @@ impl Mesh {
 }
 
 /// The inextensible cloth. `material` and `settings` are dictionaries of the fields that differ from
-/// the default (SI units).
+/// the default (SI units). A large one is faster on several threads, with the same bits.
 #[pyclass(frozen, module = "selvedge")]
 pub(crate) struct Cloth(pub(crate) Mutex<Box<dyn ClothSimulator + Send>>);
 
@@ -195,13 +195,15 @@ impl Cloth {
 #[pymethods]
 impl Cloth {
     #[new]
-    #[pyo3(signature = (mesh, material=None, settings=None))]
+    #[pyo3(signature = (mesh, material=None, settings=None, threads=1))]
     fn new(
         mesh: &Mesh,
         material: Option<&Bound<'_, PyDict>>,
         settings: Option<&Bound<'_, PyDict>>,
+        threads: usize,
     ) -> PyResult<Self> {
-        let simulator = simulator(mesh, material, settings)?;
+        let mut simulator = simulator(mesh, material, settings)?;
+        simulator.set_threads(threads).map_err(value_error)?;
         Ok(Self(Mutex::new(Box::new(simulator))))
     }
 

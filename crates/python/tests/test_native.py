@@ -49,6 +49,8 @@ def test_bad_numbers_are_named() -> None:
         Pose((0, 0, 0), (0, 0, 0, 0))
     with pytest.raises(ValueError, match="material: weight is not one of"):
         selvedge.Cloth(MESH, {"weight": 1.0})
+    with pytest.raises(ValueError, match="threads: 0, must be at least 1"):
+        selvedge.Cloth(MESH, threads=0)
     with pytest.raises(ValueError, match="orientation: straight, must be slerp or nlerp"):
         selvedge.Sweep((0, 0, 0), (0, 0, 1), (1, 0, 0), (0, 0, 0, 1), (0, 0, 0, 1), "straight")  # type: ignore[arg-type]
 

@@ -17,7 +17,7 @@ impl Threads {
     /// [`Error::Threads`] when there are none, or the system has no more.
     pub fn new(count: usize) -> Result<Self, Error> {
         match count {
-            0 => Err(Error::Threads("at least one must do the work".into())),
+            0 => Err(Error::Threads("0, must be at least 1".into())),
             1 => Ok(Self(None)),
             // The thread that calls is one of them.
             _ => match ThreadPoolBuilder::new().num_threads(count - 1).build() {

@@ -148,6 +148,7 @@ class Cloth:
         mesh: Mesh,
         material: Mapping[str, float] | None = None,
         settings: Mapping[str, float] | None = None,
+        threads: int = 1,
     ) -> None: ...
     @property
     def positions(self) -> NDArray[np.float64]:
