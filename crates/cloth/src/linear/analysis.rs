@@ -23,7 +23,7 @@ const RELAX: [(usize, f64); 4] = [(4, 0.5), (16, 0.3), (48, 0.1), (usize::MAX, 0
 
 /// A matrix of less work [multiplications] has no branches.
 const MIN_WORK: f64 = 1e7;
-/// What share of the work a branch may be.
+/// What share of the work a branch may be: four that are as large leave little for the trunk.
 const MIN_SHARE: f64 = 0.01;
 const MAX_SHARE: f64 = 0.26;
 

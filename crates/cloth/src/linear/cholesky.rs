@@ -16,8 +16,8 @@ const MANY: usize = 500_000;
 /// `S = L L^T` of a symmetric positive definite matrix with a fixed pattern.
 ///
 /// The pattern is analysed once; then values are factored as often as they change, and each factor
-/// is used for any number of right hand sides. Nothing allocates after the analysis, and the order
-/// of every sum is fixed, so equal values give equal bits.
+/// is used for any number of right hand sides. On one thread nothing allocates after the analysis. The
+/// order of every sum is fixed, so equal values give equal bits, on any number of threads.
 ///
 /// ```
 /// use selvedge_cloth::linear::Cholesky;
