@@ -22,8 +22,7 @@ impl WithSimd for DownPoints<'_> {
             ..
         } = self.0;
         for front in &*fronts {
-            let panel = &panels[front.panel..][..front.columns * front.height()];
-            let rows = &rows[front.row..][..front.below];
+            let (panel, rows) = front.parts(panels, rows);
             let own = &mut points[front.column..][..front.columns];
             for (k, block) in panel.chunks(BLOCK * front.height()).enumerate() {
                 match block.len() / front.height() {
@@ -55,8 +54,7 @@ impl WithSimd for UpPoints<'_> {
             ..
         } = self.0;
         for front in fronts.iter().rev() {
-            let panel = &panels[front.panel..][..front.columns * front.height()];
-            let rows = &rows[front.row..][..front.below];
+            let (panel, rows) = front.parts(panels, rows);
             let below = &mut below[..front.below];
             for (point, &row) in below.iter_mut().zip(rows) {
                 *point = points[row as usize];

@@ -20,8 +20,7 @@ impl WithSimd for Down<'_> {
             ..
         } = self.0;
         for front in &*fronts {
-            let panel = &panels[front.panel..][..front.columns * front.height()];
-            let rows = &rows[front.row..][..front.below];
+            let (panel, rows) = front.parts(panels, rows);
             down(simd, front, panel, rows, unknowns, local);
         }
     }
@@ -44,8 +43,7 @@ impl WithSimd for Up<'_> {
             ..
         } = self.0;
         for front in fronts.iter().rev() {
-            let panel = &panels[front.panel..][..front.columns * front.height()];
-            let rows = &rows[front.row..][..front.below];
+            let (panel, rows) = front.parts(panels, rows);
             up(simd, front, panel, rows, unknowns, local);
         }
     }

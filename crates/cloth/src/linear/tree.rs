@@ -100,4 +100,12 @@ impl Front {
     pub(super) fn height(&self) -> usize {
         self.top() + self.bottom()
     }
+
+    /// Its panel and its rows below, of those of the tree.
+    pub(super) fn parts<'a>(&self, panels: &'a [f64], rows: &'a [u32]) -> (&'a [f64], &'a [u32]) {
+        (
+            &panels[self.panel..][..self.columns * self.height()],
+            &rows[self.row..][..self.below],
+        )
+    }
 }
