@@ -169,7 +169,7 @@ impl Rows {
             gradients: vec![DVec3::ZERO; node.len()],
             weighted: vec![DVec3::ZERO; node.len()],
             values: vec![0.0; pattern.len()],
-            cholesky: Cholesky::analyse_in_space(&pattern, &places)?,
+            cholesky: Cholesky::analyse_in_space(&pattern, &places)?.single_if_large(),
             change: vec![0.0; row_count],
             edges,
             quads,

@@ -14,7 +14,7 @@ use super::cholesky::Cholesky;
 use super::order::dissect;
 use super::simd::BLOCK;
 use super::threads::Threads;
-use super::tree::{Front, Tree};
+use super::tree::{Front, Panels, Tree};
 use crate::Error;
 
 /// Neighbouring columns are joined into one front of up to so many columns as long as the share of
@@ -175,6 +175,7 @@ impl Cholesky {
                 shared: 0,
             };
             size.panels += front.columns * front.height();
+            size.panel = size.panel.max(front.columns * front.height());
             size.longest = front.bottom().max(size.longest);
             number[s] = tree.fronts.len() as u32;
             tree.fronts.push(front);
@@ -224,7 +225,8 @@ impl Cholesky {
         let above = trees[branch_count].own;
         for (k, (tree, size)) in trees.iter_mut().zip(sizes).enumerate() {
             let all = tree.own + if k < branch_count { above } else { 0 };
-            tree.panels = vec![0.0; size.panels];
+            tree.panels = Panels::Double(vec![0.0; size.panels]);
+            tree.work = vec![0.0; size.panel];
             tree.waiting = size.needed.map(|size| vec![0.0; size]);
             tree.unknowns = vec![0.0; all];
             tree.points = vec![[0.0; 4]; all];
@@ -244,6 +246,8 @@ impl Cholesky {
 #[derive(Clone, Default)]
 struct Sizes {
     panels: usize,
+    /// Entries of the largest.
+    panel: usize,
     /// Most rows below a front.
     longest: usize,
     /// Present and greatest heights of the two stacks of update matrices.

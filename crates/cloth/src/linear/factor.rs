@@ -27,6 +27,7 @@ impl WithSimd for Factor<'_> {
                 grafts,
                 places,
                 panels,
+                work,
                 waiting,
                 ..
             },
@@ -44,7 +45,7 @@ impl WithSimd for Factor<'_> {
             let own_children = &children[front.first_child..front.last_child];
             let own_children = own_children.iter().map(|&k| &fronts[k as usize]);
 
-            let panel = &mut panels[front.panel..][..front.columns * height];
+            let panel = &mut work[..front.columns * height];
             panel.fill(0.0);
             for &[value, place] in &entries[front.first_entry..front.last_entry] {
                 panel[place as usize] = values[value as usize];
@@ -70,6 +71,7 @@ impl WithSimd for Factor<'_> {
             if !factor_panel(simd, panel, front.columns, height) {
                 return false;
             }
+            panels.keep(front.panel, panel);
             let update = &mut own[front.update..][..bottom * bottom];
             if bottom > 0 {
                 negative_squares(simd, update, bottom, panel, height);

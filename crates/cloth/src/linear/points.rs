@@ -1,7 +1,7 @@
 //! The two triangular solves for points: three right hand sides, side by side in one vector.
 
-use super::simd::{BLOCK, Simd, WithSimd};
-use super::tree::{Front, Tree};
+use super::simd::{BLOCK, Simd, Stored, WithSimd};
+use super::tree::{Front, Panels, Tree};
 
 /// The coordinates of a point and a zero.
 pub(super) type Point = [f64; 4];
@@ -21,19 +21,33 @@ impl WithSimd for DownPoints<'_> {
             points,
             ..
         } = self.0;
-        for front in &*fronts {
-            let (panel, rows) = front.parts(panels, rows);
-            let own = &mut points[front.column..][..front.columns];
-            for (k, block) in panel.chunks(BLOCK * front.height()).enumerate() {
-                match block.len() / front.height() {
-                    1 => forward::<S, 1>(simd, block, own, k * BLOCK),
-                    2 => forward::<S, 2>(simd, block, own, k * BLOCK),
-                    3 => forward::<S, 3>(simd, block, own, k * BLOCK),
-                    _ => forward::<S, BLOCK>(simd, block, own, k * BLOCK),
-                }
-            }
-            take_below(simd, front, panel, rows, points);
+        match panels {
+            Panels::Double(panels) => down_all(simd, fronts, panels, rows, points),
+            Panels::Single(panels) => down_all(simd, fronts, panels, rows, points),
         }
+    }
+}
+
+#[inline(always)]
+fn down_all<S: Simd, T: Stored>(
+    simd: S,
+    fronts: &[Front],
+    panels: &[T],
+    rows: &[u32],
+    points: &mut [Point],
+) {
+    for front in fronts {
+        let (panel, rows) = front.parts(panels, rows);
+        let own = &mut points[front.column..][..front.columns];
+        for (k, block) in panel.chunks(BLOCK * front.height()).enumerate() {
+            match block.len() / front.height() {
+                1 => forward::<S, T, 1>(simd, block, own, k * BLOCK),
+                2 => forward::<S, T, 2>(simd, block, own, k * BLOCK),
+                3 => forward::<S, T, 3>(simd, block, own, k * BLOCK),
+                _ => forward::<S, T, BLOCK>(simd, block, own, k * BLOCK),
+            }
+        }
+        take_below(simd, front, panel, rows, points);
     }
 }
 
@@ -53,20 +67,35 @@ impl WithSimd for UpPoints<'_> {
             below,
             ..
         } = self.0;
-        for front in fronts.iter().rev() {
-            let (panel, rows) = front.parts(panels, rows);
-            let below = &mut below[..front.below];
-            for (point, &row) in below.iter_mut().zip(rows) {
-                *point = points[row as usize];
-            }
-            let own = &mut points[front.column..][..front.columns];
-            for (k, block) in panel.chunks(BLOCK * front.height()).enumerate().rev() {
-                match block.len() / front.height() {
-                    1 => backward::<S, 1>(simd, block, front.top(), own, below, k * BLOCK),
-                    2 => backward::<S, 2>(simd, block, front.top(), own, below, k * BLOCK),
-                    3 => backward::<S, 3>(simd, block, front.top(), own, below, k * BLOCK),
-                    _ => backward::<S, BLOCK>(simd, block, front.top(), own, below, k * BLOCK),
-                }
+        match panels {
+            Panels::Double(panels) => up_all(simd, fronts, panels, rows, points, below),
+            Panels::Single(panels) => up_all(simd, fronts, panels, rows, points, below),
+        }
+    }
+}
+
+#[inline(always)]
+fn up_all<S: Simd, T: Stored>(
+    simd: S,
+    fronts: &[Front],
+    panels: &[T],
+    rows: &[u32],
+    points: &mut [Point],
+    below: &mut [Point],
+) {
+    for front in fronts.iter().rev() {
+        let (panel, rows) = front.parts(panels, rows);
+        let below = &mut below[..front.below];
+        for (point, &row) in below.iter_mut().zip(rows) {
+            *point = points[row as usize];
+        }
+        let own = &mut points[front.column..][..front.columns];
+        for (k, block) in panel.chunks(BLOCK * front.height()).enumerate().rev() {
+            match block.len() / front.height() {
+                1 => backward::<S, T, 1>(simd, block, front.top(), own, below, k * BLOCK),
+                2 => backward::<S, T, 2>(simd, block, front.top(), own, below, k * BLOCK),
+                3 => backward::<S, T, 3>(simd, block, front.top(), own, below, k * BLOCK),
+                _ => backward::<S, T, BLOCK>(simd, block, front.top(), own, below, k * BLOCK),
             }
         }
     }
@@ -95,29 +124,34 @@ fn finish<S: Simd>(simd: S, point: &mut Point, sum: &Sum<S>, scale: f64) {
 
 /// The columns of a block, from one of their rows on.
 #[inline(always)]
-fn columns<const COLUMNS: usize>(block: &[f64], from: usize, count: usize) -> [&[f64]; COLUMNS] {
+fn columns<T, const COLUMNS: usize>(block: &[T], from: usize, count: usize) -> [&[T]; COLUMNS] {
     let height = block.len() / COLUMNS;
     std::array::from_fn(|c| &block[c * height + from..][..count])
 }
 
 /// Solves for the columns of a block, from `first` on, and takes them from the front's later ones.
 #[inline(always)]
-fn forward<S: Simd, const COLUMNS: usize>(simd: S, block: &[f64], own: &mut [Point], first: usize) {
+fn forward<S: Simd, T: Stored, const COLUMNS: usize>(
+    simd: S,
+    block: &[T],
+    own: &mut [Point],
+    first: usize,
+) {
     let (own, later) = own[first..].split_at_mut(COLUMNS);
-    let triangle = columns::<COLUMNS>(block, first, COLUMNS);
+    let triangle = columns::<T, COLUMNS>(block, first, COLUMNS);
     let zero = [simd.splat_f64s(0.0); 4];
     for k in 0..COLUMNS {
         let mut sum = zero;
         for c in 0..k {
-            add::<S>(simd, &mut sum, triangle[c][k], &own[c]);
+            add::<S>(simd, &mut sum, triangle[c][k].value(), &own[c]);
         }
-        finish::<S>(simd, &mut own[k], &sum, triangle[k][k]);
+        finish::<S>(simd, &mut own[k], &sum, triangle[k][k].value());
     }
-    let columns = columns::<COLUMNS>(block, first + COLUMNS, later.len());
+    let columns = columns::<T, COLUMNS>(block, first + COLUMNS, later.len());
     for (row, point) in later.iter_mut().enumerate() {
         let mut sum = zero;
         for c in 0..COLUMNS {
-            add::<S>(simd, &mut sum, columns[c][row], &own[c]);
+            add::<S>(simd, &mut sum, columns[c][row].value(), &own[c]);
         }
         finish::<S>(simd, point, &sum, 1.0);
     }
@@ -125,14 +159,20 @@ fn forward<S: Simd, const COLUMNS: usize>(simd: S, block: &[f64], own: &mut [Poi
 
 /// Takes the columns of a front from the rows below.
 #[inline(always)]
-fn take_below<S: Simd>(simd: S, front: &Front, panel: &[f64], rows: &[u32], points: &mut [Point]) {
+fn take_below<S: Simd, T: Stored>(
+    simd: S,
+    front: &Front,
+    panel: &[T],
+    rows: &[u32],
+    points: &mut [Point],
+) {
     let (top, height) = (front.top(), front.height());
     for (row, rows) in (top..).step_by(BLOCK).zip(rows.chunks(BLOCK)) {
         let mut sums = [[simd.splat_f64s(0.0); 4]; BLOCK];
         let own = &points[front.column..][..front.columns];
         for (column, point) in panel.chunks_exact(height).zip(own) {
             for (sum, &factor) in sums.iter_mut().zip(&column[row..row + BLOCK]) {
-                add::<S>(simd, sum, factor, point);
+                add::<S>(simd, sum, factor.value(), point);
             }
         }
         for (sum, &row) in sums.iter().zip(rows) {
@@ -144,9 +184,9 @@ fn take_below<S: Simd>(simd: S, front: &Front, panel: &[f64], rows: &[u32], poin
 /// Solves for the columns of a block, from `first` on, with the front's later columns and the rows
 /// below known.
 #[inline(always)]
-fn backward<S: Simd, const COLUMNS: usize>(
+fn backward<S: Simd, T: Stored, const COLUMNS: usize>(
     simd: S,
-    block: &[f64],
+    block: &[T],
     top: usize,
     own: &mut [Point],
     below: &[Point],
@@ -155,18 +195,18 @@ fn backward<S: Simd, const COLUMNS: usize>(
     let (own, later) = own[first..].split_at_mut(COLUMNS);
     let mut sums = [[simd.splat_f64s(0.0); 4]; COLUMNS];
     for (known, from) in [(&*later, first + COLUMNS), (below, top)] {
-        let columns = columns::<COLUMNS>(block, from, known.len());
+        let columns = columns::<T, COLUMNS>(block, from, known.len());
         for (k, point) in known.iter().enumerate() {
             for c in 0..COLUMNS {
-                add::<S>(simd, &mut sums[c], columns[c][k], point);
+                add::<S>(simd, &mut sums[c], columns[c][k].value(), point);
             }
         }
     }
-    let triangle = columns::<COLUMNS>(block, first, COLUMNS);
+    let triangle = columns::<T, COLUMNS>(block, first, COLUMNS);
     for k in (0..COLUMNS).rev() {
         for row in k + 1..COLUMNS {
-            add::<S>(simd, &mut sums[k], triangle[k][row], &own[row]);
+            add::<S>(simd, &mut sums[k], triangle[k][row].value(), &own[row]);
         }
-        finish::<S>(simd, &mut own[k], &sums[k], triangle[k][k]);
+        finish::<S>(simd, &mut own[k], &sums[k], triangle[k][k].value());
     }
 }

@@ -28,6 +28,59 @@ impl<Op: WithSimd> WithSimd for AtMostBlock<Op> {
     }
 }
 
+/// What the entries of a factor are kept in. All sums are in double precision.
+pub(super) trait Stored: Copy {
+    /// The nearest value, zero for one so small that it would be slow to reckon with.
+    fn nearest(value: f64) -> Self;
+    fn value(self) -> f64;
+    /// The first entries, as many as a vector has.
+    fn vector<S: Simd>(entries: &[Self]) -> S::f64s;
+}
+
+impl Stored for f64 {
+    #[inline(always)]
+    fn nearest(value: f64) -> Self {
+        value
+    }
+
+    #[inline(always)]
+    fn value(self) -> f64 {
+        self
+    }
+
+    #[inline(always)]
+    fn vector<S: Simd>(entries: &[Self]) -> S::f64s {
+        vectors::<S, 1>(entries, 0)[0]
+    }
+}
+
+impl Stored for f32 {
+    #[inline(always)]
+    fn nearest(value: f64) -> Self {
+        let nearest = value as f32;
+        if nearest.abs() < f32::MIN_POSITIVE {
+            0.0
+        } else {
+            nearest
+        }
+    }
+
+    #[inline(always)]
+    fn value(self) -> f64 {
+        f64::from(self)
+    }
+
+    #[inline(always)]
+    fn vector<S: Simd>(entries: &[Self]) -> S::f64s {
+        let mut wide = [0.0; BLOCK];
+        let wide = &mut wide[..S::F64_LANES];
+        for (wide, &entry) in wide.iter_mut().zip(&entries[..S::F64_LANES]) {
+            *wide = f64::from(entry);
+        }
+        vectors::<S, 1>(wide, 0)[0]
+    }
+}
+
 /// So many vectors of a column, from `row` on.
 #[inline(always)]
 pub(super) fn vectors<S: Simd, const VECTORS: usize>(column: &[f64], row: usize) -> &[S::f64s] {

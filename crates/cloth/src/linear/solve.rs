@@ -1,7 +1,7 @@
 //! The two triangular solves, front by front.
 
-use super::simd::{BLOCK, Simd, WithSimd, vectors, vectors_mut};
-use super::tree::{Front, Tree};
+use super::simd::{BLOCK, Simd, Stored, WithSimd, vectors_mut};
+use super::tree::{Front, Panels, Tree};
 
 /// `L y = b` in place for the unknowns of a tree.
 pub(super) struct Down<'a>(pub(super) &'a mut Tree);
@@ -19,9 +19,9 @@ impl WithSimd for Down<'_> {
             local,
             ..
         } = self.0;
-        for front in &*fronts {
-            let (panel, rows) = front.parts(panels, rows);
-            down(simd, front, panel, rows, unknowns, local);
+        match panels {
+            Panels::Double(panels) => down_all(simd, fronts, panels, rows, unknowns, local),
+            Panels::Single(panels) => down_all(simd, fronts, panels, rows, unknowns, local),
         }
     }
 }
@@ -42,19 +42,49 @@ impl WithSimd for Up<'_> {
             local,
             ..
         } = self.0;
-        for front in fronts.iter().rev() {
-            let (panel, rows) = front.parts(panels, rows);
-            up(simd, front, panel, rows, unknowns, local);
+        match panels {
+            Panels::Double(panels) => up_all(simd, fronts, panels, rows, unknowns, local),
+            Panels::Single(panels) => up_all(simd, fronts, panels, rows, unknowns, local),
         }
+    }
+}
+
+#[inline(always)]
+fn down_all<S: Simd, T: Stored>(
+    simd: S,
+    fronts: &[Front],
+    panels: &[T],
+    rows: &[u32],
+    x: &mut [f64],
+    local: &mut [f64],
+) {
+    for front in fronts {
+        let (panel, rows) = front.parts(panels, rows);
+        down(simd, front, panel, rows, x, local);
+    }
+}
+
+#[inline(always)]
+fn up_all<S: Simd, T: Stored>(
+    simd: S,
+    fronts: &[Front],
+    panels: &[T],
+    rows: &[u32],
+    x: &mut [f64],
+    local: &mut [f64],
+) {
+    for front in fronts.iter().rev() {
+        let (panel, rows) = front.parts(panels, rows);
+        up(simd, front, panel, rows, x, local);
     }
 }
 
 /// Solves for a front's columns and takes them from the rows below.
 #[inline(always)]
-fn down<S: Simd>(
+fn down<S: Simd, T: Stored>(
     simd: S,
     front: &Front,
-    panel: &[f64],
+    panel: &[T],
     rows: &[u32],
     x: &mut [f64],
     local: &mut [f64],
@@ -63,19 +93,19 @@ fn down<S: Simd>(
     let own = &mut x[front.column..][..top];
     for (k, block) in panel.chunks(BLOCK * height).enumerate() {
         match block.len() / height {
-            1 => forward::<S, 1>(simd, block, height, own, k * BLOCK),
-            2 => forward::<S, 2>(simd, block, height, own, k * BLOCK),
-            3 => forward::<S, 3>(simd, block, height, own, k * BLOCK),
-            _ => forward::<S, BLOCK>(simd, block, height, own, k * BLOCK),
+            1 => forward::<S, T, 1>(simd, block, height, own, k * BLOCK),
+            2 => forward::<S, T, 2>(simd, block, height, own, k * BLOCK),
+            3 => forward::<S, T, 3>(simd, block, height, own, k * BLOCK),
+            _ => forward::<S, T, BLOCK>(simd, block, height, own, k * BLOCK),
         }
     }
     let mut row = top;
     while row + 4 * S::F64_LANES <= height {
-        combine::<S, 4>(simd, panel, height, row, own, &mut local[row - top..]);
+        combine::<S, T, 4>(simd, panel, height, row, own, &mut local[row - top..]);
         row += 4 * S::F64_LANES;
     }
     while row < height {
-        combine::<S, 1>(simd, panel, height, row, own, &mut local[row - top..]);
+        combine::<S, T, 1>(simd, panel, height, row, own, &mut local[row - top..]);
         row += S::F64_LANES;
     }
     for (&value, &row) in local.iter().zip(rows) {
@@ -85,10 +115,10 @@ fn down<S: Simd>(
 
 /// Solves for a front's columns with the rows below known.
 #[inline(always)]
-fn up<S: Simd>(
+fn up<S: Simd, T: Stored>(
     simd: S,
     front: &Front,
-    panel: &[f64],
+    panel: &[T],
     rows: &[u32],
     x: &mut [f64],
     local: &mut [f64],
@@ -104,10 +134,10 @@ fn up<S: Simd>(
     let own = &mut x[front.column..][..top];
     for (k, block) in panel.chunks(BLOCK * height).enumerate().rev() {
         match block.len() / height {
-            1 => backward::<S, 1>(simd, block, height, own, below, k * BLOCK),
-            2 => backward::<S, 2>(simd, block, height, own, below, k * BLOCK),
-            3 => backward::<S, 3>(simd, block, height, own, below, k * BLOCK),
-            _ => backward::<S, BLOCK>(simd, block, height, own, below, k * BLOCK),
+            1 => backward::<S, T, 1>(simd, block, height, own, below, k * BLOCK),
+            2 => backward::<S, T, 2>(simd, block, height, own, below, k * BLOCK),
+            3 => backward::<S, T, 3>(simd, block, height, own, below, k * BLOCK),
+            _ => backward::<S, T, BLOCK>(simd, block, height, own, below, k * BLOCK),
         }
     }
 }
@@ -115,9 +145,9 @@ fn up<S: Simd>(
 /// Solves for the columns of a block, from `first` on, and takes them from the front's later
 /// columns.
 #[inline(always)]
-fn forward<S: Simd, const COLUMNS: usize>(
+fn forward<S: Simd, T: Stored, const COLUMNS: usize>(
     simd: S,
-    block: &[f64],
+    block: &[T],
     height: usize,
     own: &mut [f64],
     first: usize,
@@ -125,16 +155,16 @@ fn forward<S: Simd, const COLUMNS: usize>(
     let (own, later) = own[first..].split_at_mut(BLOCK);
     let mut factors = [simd.splat_f64s(0.0); COLUMNS];
     for (k, column) in block.chunks_exact(height).enumerate() {
-        own[k] *= column[first + k];
+        own[k] *= column[first + k].value();
         for row in k + 1..COLUMNS {
-            own[row] -= column[first + row] * own[k];
+            own[row] -= column[first + row].value() * own[k];
         }
         factors[k] = simd.splat_f64s(own[k]);
     }
     for (v, value) in S::as_mut_simd_f64s(later).0.iter_mut().enumerate() {
         let row = first + BLOCK + v * S::F64_LANES;
         for (column, factor) in block.chunks_exact(height).zip(factors) {
-            let entries = vectors::<S, 1>(column, row)[0];
+            let entries = T::vector::<S>(&column[row..]);
             *value = simd.negate_mul_add_f64s(entries, factor, *value);
         }
     }
@@ -142,9 +172,9 @@ fn forward<S: Simd, const COLUMNS: usize>(
 
 /// `target` becomes the sum of the panel's columns, some vectors from `row` on, times `factors`.
 #[inline(always)]
-fn combine<S: Simd, const VECTORS: usize>(
+fn combine<S: Simd, T: Stored, const VECTORS: usize>(
     simd: S,
-    panel: &[f64],
+    panel: &[T],
     height: usize,
     row: usize,
     factors: &[f64],
@@ -153,7 +183,8 @@ fn combine<S: Simd, const VECTORS: usize>(
     let mut sums = [simd.splat_f64s(0.0); VECTORS];
     for (column, &factor) in panel.chunks_exact(height).zip(factors) {
         let factor = simd.splat_f64s(factor);
-        for (sum, &entries) in sums.iter_mut().zip(vectors::<S, VECTORS>(column, row)) {
+        for (entries, sum) in column[row..].chunks_exact(S::F64_LANES).zip(&mut sums) {
+            let entries = T::vector::<S>(entries);
             *sum = simd.mul_add_f64s(entries, factor, *sum);
         }
     }
@@ -163,9 +194,9 @@ fn combine<S: Simd, const VECTORS: usize>(
 /// Solves for the columns of a block, from `first` on, with the front's later columns and the rows
 /// below known.
 #[inline(always)]
-fn backward<S: Simd, const COLUMNS: usize>(
+fn backward<S: Simd, T: Stored, const COLUMNS: usize>(
     simd: S,
-    block: &[f64],
+    block: &[T],
     height: usize,
     own: &mut [f64],
     below: &[f64],
@@ -178,7 +209,7 @@ fn backward<S: Simd, const COLUMNS: usize>(
         for (v, &value) in S::as_simd_f64s(known).0.iter().enumerate() {
             let row = from + v * S::F64_LANES;
             for (sum, column) in sums.iter_mut().zip(block.chunks_exact(height)) {
-                let entries = vectors::<S, 1>(column, row)[0];
+                let entries = T::vector::<S>(&column[row..]);
                 *sum = simd.mul_add_f64s(entries, value, *sum);
             }
         }
@@ -186,8 +217,8 @@ fn backward<S: Simd, const COLUMNS: usize>(
     for (k, column) in block.chunks_exact(height).enumerate().rev() {
         let mut value = own[k] - simd.reduce_sum_f64s(sums[k]);
         for row in k + 1..COLUMNS {
-            value -= column[first + row] * own[row];
+            value -= column[first + row].value() * own[row];
         }
-        own[k] = value * column[first + k];
+        own[k] = value * column[first + k].value();
     }
 }

@@ -3,7 +3,45 @@
 use selvedge_math::DVec3;
 
 use super::points::Point;
-use super::simd::BLOCK;
+use super::simd::{BLOCK, Stored};
+
+/// The entries of a factor, in double or in single precision.
+#[derive(Debug)]
+pub(super) enum Panels {
+    Double(Vec<f64>),
+    Single(Vec<f32>),
+}
+
+impl Default for Panels {
+    fn default() -> Self {
+        Self::Double(Vec::new())
+    }
+}
+
+impl Panels {
+    pub(super) fn len(&self) -> usize {
+        match self {
+            Self::Double(panels) => panels.len(),
+            Self::Single(panels) => panels.len(),
+        }
+    }
+
+    /// Keeps the panel that begins at `start`.
+    #[inline(always)]
+    pub(super) fn keep(&mut self, start: usize, panel: &[f64]) {
+        match self {
+            Self::Double(panels) => keep(&mut panels[start..], panel),
+            Self::Single(panels) => keep(&mut panels[start..], panel),
+        }
+    }
+}
+
+#[inline(always)]
+fn keep<T: Stored>(kept: &mut [T], panel: &[f64]) {
+    for (kept, &value) in kept.iter_mut().zip(panel) {
+        *kept = T::nearest(value);
+    }
+}
 
 /// A branch, or the trunk on which all branches hang.
 #[derive(Debug, Default)]
@@ -22,7 +60,9 @@ pub(super) struct Tree {
     pub(super) grafts: Vec<u32>,
     /// The panel of each front, column by column: its rows in the columns of the front, then those
     /// below, each part padded. Above the diagonal is nothing of use.
-    pub(super) panels: Vec<f64>,
+    pub(super) panels: Panels,
+    /// The panel that is being factored.
+    pub(super) work: Vec<f64>,
     /// Update matrices waiting for their parents, by parity of the depth.
     pub(super) waiting: [Vec<f64>; 2],
     /// Whether all pivots of the last factorisation were positive.
@@ -102,7 +142,7 @@ impl Front {
     }
 
     /// Its panel and its rows below, of those of the tree.
-    pub(super) fn parts<'a>(&self, panels: &'a [f64], rows: &'a [u32]) -> (&'a [f64], &'a [u32]) {
+    pub(super) fn parts<'a, T>(&self, panels: &'a [T], rows: &'a [u32]) -> (&'a [T], &'a [u32]) {
         (
             &panels[self.panel..][..self.columns * self.height()],
             &rows[self.row..][..self.below],
