@@ -26,6 +26,8 @@ pub(crate) struct Predictor {
     /// Stiffness of the grip on each held node [N/m], zero for others.
     grips: Vec<f64>,
     h: f64,
+    /// What a node resists on average without tension [N/m].
+    pub(crate) resistance: f64,
     /// Masses for this `h`, which make the decay by drag exact.
     pub(crate) masses: Vec<f64>,
 }
@@ -50,7 +52,7 @@ impl Predictor {
             .collect();
         let pattern: Vec<(u32, u32)> = entries.iter().map(|&(r, c, _)| (r, c)).collect();
         Ok(Self {
-            cholesky: Cholesky::analyse(n, &pattern)?,
+            cholesky: Cholesky::analyse(n, &pattern)?.single_if_large(),
             values: vec![0.0; entries.len()],
             constant: vec![0.0; entries.len()],
             places,
@@ -58,6 +60,7 @@ impl Predictor {
             grips: vec![0.0; n],
             entries,
             h: 0.0,
+            resistance: 0.0,
             masses: vec![0.0; n],
         })
     }
@@ -96,6 +99,9 @@ impl Predictor {
                 *value += 1.0 / nodes.inverse(r as usize);
             }
         }
+        let diagonal = self.diagonal.iter();
+        let sum: f64 = diagonal.map(|&k| self.constant[k as usize]).sum();
+        self.resistance = sum / areas.len() as f64;
         self.h = h;
         true
     }
@@ -132,12 +138,12 @@ impl Predictor {
         self.grips[node]
     }
 
-    /// Solves `E u = load` and puts `start + u` into `x`.
-    pub(crate) fn solve(&mut self, load: &[DVec3], start: &[DVec3], x: &mut [DVec3]) {
+    /// Solves `E u = load` and puts `from + u` into `x`. Of large sheets the solution is in single precision.
+    pub(crate) fn solve(&mut self, load: &[DVec3], from: &[DVec3], x: &mut [DVec3]) {
         x.copy_from_slice(load);
         self.cholesky.solve_points(x);
-        for (x, start) in x.iter_mut().zip(start) {
-            *x += *start;
+        for (x, from) in x.iter_mut().zip(from) {
+            *x += *from;
         }
     }
 }

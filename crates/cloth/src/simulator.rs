@@ -113,6 +113,8 @@ pub struct Simulator {
 #[derive(Clone, Debug)]
 pub(crate) struct Scratch {
     pub(crate) start: Vec<DVec3>,
+    /// Where the nodes would be at their present velocities.
+    pub(crate) straight: Vec<DVec3>,
     pub(crate) load: Vec<DVec3>,
     pub(crate) forces: Vec<DVec3>,
     pub(crate) free: Vec<DVec3>,
@@ -163,6 +165,7 @@ impl Simulator {
             pinned: Vec::new(),
             scratch: Scratch {
                 start: zero.clone(),
+                straight: zero.clone(),
                 load: zero.clone(),
                 forces: zero.clone(),
                 free: zero.clone(),

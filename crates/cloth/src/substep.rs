@@ -33,6 +33,9 @@ const OLD: f64 = 0.3;
 /// Corrections of the rows alone after an iteration that moved nothing.
 const MORE: usize = 3;
 
+/// Tension is new when it resists by this share of what a node resists otherwise more or less than before.
+const TAUTER: f64 = 0.1;
+
 /// Edges may get longer by so much without another correction of the velocities [m/s].
 const SLOW: f64 = 1e-4;
 
@@ -214,20 +217,28 @@ impl Simulator {
             .predictor
             .prepare(h, &material, &self.areas, &mut self.nodes);
         self.stale |= new;
-        let slack = 0.1 / self.nodes.inverse(0);
-        if self.rows.tauten(slack) || new {
+        let resistance = match self.fine {
+            true => self.predictor.resistance,
+            false => 1.0 / self.nodes.inverse(0),
+        };
+        if self.rows.tauten(TAUTER * resistance) || new {
             self.predictor
                 .factor(self.rows.tautness(), &self.hands.nodes)?;
         }
 
-        // Load without the forces that are sought
+        // Load without the forces that are sought, less what takes the nodes straight on
         let scratch = &mut self.scratch;
+        let lag = 0.5 * h + material.internal_damping;
+        for (k, v) in self.now.velocities.iter().enumerate() {
+            scratch.straight[k] = scratch.start[k] + *v * h;
+            scratch.forces[k] = scratch.start[k] + *v * lag;
+        }
         let weight = material.gravitational_density * self.settings.gravity;
         for (k, load) in scratch.load.iter_mut().enumerate() {
-            *load = self.now.velocities[k] * (2.0 * self.predictor.masses[k] / h)
-                - DVec3::Z * (weight * self.areas[k])
-                - self.bending.multiply_row(k, &scratch.start) * material.bending
-                + self.external[k];
+            let drag = self.now.velocities[k] * material.damping + DVec3::Z * weight;
+            *load = self.external[k]
+                - drag * self.areas[k]
+                - self.bending.multiply_row(k, &scratch.forces) * material.bending;
         }
         self.rows.set_gradients(&scratch.start, &scratch.start);
         Ok(ShearLaw {
@@ -251,7 +262,7 @@ impl Simulator {
         forces.copy_from_slice(&scratch.load);
         self.rows.add_forces(forces);
         self.rows
-            .add_tautness(&scratch.start, &scratch.aimed, forces);
+            .add_tautness(&scratch.straight, &scratch.aimed, forces);
         self.contacts.add_forces(forces);
         self.supports.add_forces(forces);
         for (force, reaction) in forces.iter_mut().zip(&self.nodes.reactions) {
@@ -259,11 +270,11 @@ impl Simulator {
         }
         for k in 0..self.hands.nodes.len() {
             let (node, target) = (self.hands.nodes[k] as usize, self.target(k));
-            let way = target - self.scratch.start[node];
+            let way = target - self.scratch.straight[node];
             self.scratch.forces[node] += way * self.predictor.grip(node);
         }
         let (scratch, x) = (&self.scratch, &mut self.now.positions);
-        self.predictor.solve(&scratch.forces, &scratch.start, x);
+        self.predictor.solve(&scratch.forces, &scratch.straight, x);
         for k in 0..self.hands.nodes.len() {
             let (node, target) = (self.hands.nodes[k] as usize, self.target(k));
             let left = target - self.now.positions[node];
