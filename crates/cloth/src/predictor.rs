@@ -28,6 +28,8 @@ pub(crate) struct Predictor {
     h: f64,
     /// What a node resists on average without tension [N/m].
     pub(crate) resistance: f64,
+    /// What each resists by inertia and drag alone [N/m].
+    inertias: Vec<f64>,
     /// Masses for this `h`, which make the decay by drag exact.
     pub(crate) masses: Vec<f64>,
 }
@@ -58,6 +60,7 @@ impl Predictor {
             places,
             diagonal: (0..n as u32).map(|k| place(k, k)).collect(),
             grips: vec![0.0; n],
+            inertias: vec![0.0; n],
             entries,
             h: 0.0,
             resistance: 0.0,
@@ -91,12 +94,13 @@ impl Predictor {
         for (k, mass) in self.masses.iter_mut().enumerate() {
             *mass = density * areas[k] * exact;
             let diagonal = 2.0 * *mass / (h * h) + damping * areas[k] / h;
+            self.inertias[k] = diagonal;
             nodes.set_inverse(k, 1.0 / diagonal);
         }
         for (value, &(r, c, k)) in self.constant.iter_mut().zip(&self.entries) {
             *value = stiffness * k;
             if r == c {
-                *value += 1.0 / nodes.inverse(r as usize);
+                *value += self.inertias[r as usize];
             }
         }
         let diagonal = self.diagonal.iter();
@@ -138,12 +142,24 @@ impl Predictor {
         self.grips[node]
     }
 
-    /// Solves `E u = load` and puts `from + u` into `x`. Of large sheets the solution is in single precision.
+    /// Solves `E u = load` and puts `from + u` into `x`.
+    ///
+    /// Of large sheets the factor is in single precision. Bending and tension have no sum, so that the sum of
+    /// the loads is that of inertia, drag and grips: what it lacks is given to all nodes alike, which keeps the
+    /// momentum to rounding.
     pub(crate) fn solve(&mut self, load: &[DVec3], from: &[DVec3], x: &mut [DVec3]) {
         x.copy_from_slice(load);
         self.cholesky.solve_points(x);
+        let resistances = self.inertias.iter().zip(&self.grips);
+        let (mut left, mut all) = (DVec3::ZERO, 0.0);
+        for ((load, u), (inertia, grip)) in load.iter().zip(&*x).zip(resistances) {
+            let resistance = inertia + grip;
+            left += *load - *u * resistance;
+            all += resistance;
+        }
+        let shift = left / all;
         for (x, from) in x.iter_mut().zip(from) {
-            *x += *from;
+            *x += *from + shift;
         }
     }
 }

@@ -154,3 +154,31 @@ fn angular_momentum_is_kept() {
     let [_, drift, _] = wave();
     assert!(drift < 1e-10, "{drift}");
 }
+
+/// The factors of a large sheet are in single precision; its momentum is not.
+#[test]
+fn linear_momentum_of_a_large_sheet_is_kept() {
+    let settings = Settings {
+        gravity: 0.0,
+        ..air()
+    };
+    let na = 92;
+    let mesh = Mesh::grid([na, 112], [0.42, 0.59]).unwrap();
+    let angles = (0..na - 1).map(|k| 0.5 * (0.08 * k as f64).sin());
+    let positions = along(&mesh, &polyline(0.42 / (na - 1) as f64, angles));
+    let spin = DVec3::new(1.0, -0.5, 2.0);
+    let velocities = positions.iter().map(|x| spin.cross(*x) + DVec3::X);
+    let velocities: Vec<DVec3> = velocities.collect();
+    let mut cloth = simulator(&mesh, without_drag(), settings);
+    cloth.reset(&positions, &velocities).unwrap();
+    let areas = areas(&mesh);
+    let start = momenta(&cloth, &areas)[0];
+    let (mut before, mut worst) = (start, 0.0_f64);
+    run(&mut cloth, FRAME, 0.1, |cloth, _| {
+        let now = momenta(cloth, &areas)[0];
+        worst = worst.max((now - before).length() / start.length());
+        before = now;
+    });
+    println!("momentum of a large sheet: {worst:.1e} a step");
+    assert!(worst < 1e-10, "{worst}");
+}
