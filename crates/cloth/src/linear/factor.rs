@@ -116,8 +116,7 @@ fn add(
 }
 
 /// Cholesky factorisation of the first rows of a panel and the matching solve of the rest; false
-/// when a pivot is not a positive finite number. The diagonal keeps the inverses, which are all
-/// that is used of it.
+/// when a pivot is not a positive finite number. Triangles on the diagonal, of a block each, are inverted.
 #[inline(always)]
 fn factor_panel<S: Simd>(simd: S, panel: &mut [f64], columns: usize, height: usize) -> bool {
     for first in (0..columns).step_by(BLOCK) {
@@ -161,9 +160,6 @@ fn factor_block<S: Simd, const COLUMNS: usize>(
     if !factor_triangle(&mut triangle) {
         return false;
     }
-    for (own, column) in triangle.iter().zip(block.chunks_exact_mut(height)) {
-        column[first..first + COLUMNS].copy_from_slice(own);
-    }
 
     // The rows below it
     let mut factors = [[simd.splat_f64s(0.0); COLUMNS]; COLUMNS];
@@ -181,7 +177,26 @@ fn factor_block<S: Simd, const COLUMNS: usize>(
         eliminate::<S, COLUMNS, 1>(simd, done, block, height, row, first, &factors);
         row += S::F64_LANES;
     }
+
+    // Of the triangle, solves use the inverse: a product waits for less than a substitution
+    invert_triangle(&mut triangle);
+    for (own, column) in triangle.iter().zip(block.chunks_exact_mut(height)) {
+        column[first..first + COLUMNS].copy_from_slice(own);
+    }
     true
+}
+
+/// The inverse of a small lower triangle with inverses on its diagonal, column by column.
+#[inline(always)]
+fn invert_triangle<const N: usize>(columns: &mut [[f64; N]; N]) {
+    for row in 0..N {
+        for column in 0..row {
+            // The rows above are inverted already.
+            let (own, above) = (columns.iter().skip(column), &columns[column][column..row]);
+            let sum: f64 = own.zip(above).map(|(own, above)| own[row] * above).sum();
+            columns[column][row] = -sum * columns[row][row];
+        }
+    }
 }
 
 /// Cholesky factorisation of a small matrix, column by column, with inverses on the diagonal; false

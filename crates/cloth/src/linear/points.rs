@@ -113,12 +113,19 @@ fn add<S: Simd>(simd: S, sum: &mut Sum<S>, factor: f64, point: &Point) {
     }
 }
 
-/// `scale * (point - sum)`.
+/// `point -= sum`.
 #[inline(always)]
-fn finish<S: Simd>(simd: S, point: &mut Point, sum: &Sum<S>, scale: f64) {
-    let scale = simd.splat_f64s(scale);
+fn take<S: Simd>(simd: S, point: &mut Point, sum: &Sum<S>) {
     for (value, &sum) in S::as_mut_simd_f64s(point).0.iter_mut().zip(sum) {
-        *value = simd.mul_f64s(scale, simd.sub_f64s(*value, sum));
+        *value = simd.sub_f64s(*value, sum);
+    }
+}
+
+/// `point = sum`.
+#[inline(always)]
+fn set<S: Simd>(point: &mut Point, sum: &Sum<S>) {
+    for (value, &sum) in S::as_mut_simd_f64s(point).0.iter_mut().zip(sum) {
+        *value = sum;
     }
 }
 
@@ -140,12 +147,13 @@ fn forward<S: Simd, T: Stored, const COLUMNS: usize>(
     let (own, later) = own[first..].split_at_mut(COLUMNS);
     let triangle = columns::<T, COLUMNS>(block, first, COLUMNS);
     let zero = [simd.splat_f64s(0.0); 4];
+    let given: [Point; COLUMNS] = std::array::from_fn(|c| own[c]);
     for k in 0..COLUMNS {
         let mut sum = zero;
-        for c in 0..k {
-            add::<S>(simd, &mut sum, triangle[c][k].value(), &own[c]);
+        for c in 0..=k {
+            add::<S>(simd, &mut sum, triangle[c][k].value(), &given[c]);
         }
-        finish::<S>(simd, &mut own[k], &sum, triangle[k][k].value());
+        set::<S>(&mut own[k], &sum);
     }
     let columns = columns::<T, COLUMNS>(block, first + COLUMNS, later.len());
     for (row, point) in later.iter_mut().enumerate() {
@@ -153,7 +161,7 @@ fn forward<S: Simd, T: Stored, const COLUMNS: usize>(
         for c in 0..COLUMNS {
             add::<S>(simd, &mut sum, columns[c][row].value(), &own[c]);
         }
-        finish::<S>(simd, point, &sum, 1.0);
+        take::<S>(simd, point, &sum);
     }
 }
 
@@ -176,7 +184,7 @@ fn take_below<S: Simd, T: Stored>(
             }
         }
         for (sum, &row) in sums.iter().zip(rows) {
-            finish::<S>(simd, &mut points[row as usize], sum, 1.0);
+            take::<S>(simd, &mut points[row as usize], sum);
         }
     }
 }
@@ -203,10 +211,15 @@ fn backward<S: Simd, T: Stored, const COLUMNS: usize>(
         }
     }
     let triangle = columns::<T, COLUMNS>(block, first, COLUMNS);
-    for k in (0..COLUMNS).rev() {
-        for row in k + 1..COLUMNS {
-            add::<S>(simd, &mut sums[k], triangle[k][row].value(), &own[row]);
+    for (point, sum) in own.iter_mut().zip(&sums) {
+        take::<S>(simd, point, sum);
+    }
+    let left: [Point; COLUMNS] = std::array::from_fn(|c| own[c]);
+    for k in 0..COLUMNS {
+        let mut sum = [simd.splat_f64s(0.0); 4];
+        for row in k..COLUMNS {
+            add::<S>(simd, &mut sum, triangle[k][row].value(), &left[row]);
         }
-        finish::<S>(simd, &mut own[k], &sums[k], triangle[k][k].value());
+        set::<S>(&mut own[k], &sum);
     }
 }

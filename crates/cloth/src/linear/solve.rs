@@ -153,14 +153,14 @@ fn forward<S: Simd, T: Stored, const COLUMNS: usize>(
     first: usize,
 ) {
     let (own, later) = own[first..].split_at_mut(BLOCK);
-    let mut factors = [simd.splat_f64s(0.0); COLUMNS];
+    let mut solved = [0.0; COLUMNS];
     for (k, column) in block.chunks_exact(height).enumerate() {
-        own[k] *= column[first + k].value();
-        for row in k + 1..COLUMNS {
-            own[row] -= column[first + row].value() * own[k];
+        for row in k..COLUMNS {
+            solved[row] += column[first + row].value() * own[k];
         }
-        factors[k] = simd.splat_f64s(own[k]);
     }
+    own[..COLUMNS].copy_from_slice(&solved);
+    let factors = solved.map(|value| simd.splat_f64s(value));
     for (v, value) in S::as_mut_simd_f64s(later).0.iter_mut().enumerate() {
         let row = first + BLOCK + v * S::F64_LANES;
         for (column, factor) in block.chunks_exact(height).zip(factors) {
@@ -214,11 +214,14 @@ fn backward<S: Simd, T: Stored, const COLUMNS: usize>(
             }
         }
     }
-    for (k, column) in block.chunks_exact(height).enumerate().rev() {
-        let mut value = own[k] - simd.reduce_sum_f64s(sums[k]);
-        for row in k + 1..COLUMNS {
-            value -= column[first + row].value() * own[row];
+    let mut left = [0.0; COLUMNS];
+    for (k, sum) in sums.into_iter().enumerate() {
+        left[k] = own[k] - simd.reduce_sum_f64s(sum);
+    }
+    for (k, column) in block.chunks_exact(height).enumerate() {
+        own[k] = 0.0;
+        for row in k..COLUMNS {
+            own[k] += column[first + row].value() * left[row];
         }
-        own[k] = value * column[first + k].value();
     }
 }

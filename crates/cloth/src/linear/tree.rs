@@ -59,7 +59,8 @@ pub(super) struct Tree {
     /// The branches that hang on each front.
     pub(super) grafts: Vec<u32>,
     /// The panel of each front, column by column: its rows in the columns of the front, then those
-    /// below, each part padded. Above the diagonal is nothing of use.
+    /// below, each part padded. Triangles on the diagonal, of a block each, are inverted; above them is
+    /// nothing of use.
     pub(super) panels: Panels,
     /// The panel that is being factored.
     pub(super) work: Vec<f64>,
