@@ -9,7 +9,7 @@
 //! want it, nothing is below a surface or nearer to another layer than a thickness, and friction is
 //! Coulomb's.
 //!
-//! An iteration solves for `u` with the present forces (`E` is factored once), then corrects the
+//! An iteration solves for `u - h v_0` with the present forces (`E` is factored once), then corrects the
 //! forces: ties of hands and supports first, contacts between layers by a sweep, stretch and shear by
 //! one Newton step of all rows together. The corrections see the masses only; what bending makes of
 //! them comes with the next solve. So every substep ends on its constraints, and the iterations are
