@@ -39,6 +39,11 @@ const TAUTER: f64 = 0.1;
 /// Edges may get longer by so much without another correction of the velocities [m/s].
 const SLOW: f64 = 1e-4;
 
+/// An old factor will do for velocities when it leaves no more than this share of the rates at which edges get longer;
+/// on fine meshes, where a new one takes long, this.
+const ENOUGH: f64 = 0.3;
+const ENOUGH_FINE: f64 = 0.5;
+
 /// How a substep ended.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Ended {
@@ -481,6 +486,7 @@ impl Simulator {
             return Ok(());
         }
         scratch.free.copy_from_slice(velocities);
+        let enough = if self.fine { ENOUGH_FINE } else { ENOUGH };
         for fresh in [false, true] {
             if fresh {
                 self.rows.factor(&self.nodes, law)?;
@@ -491,7 +497,7 @@ impl Simulator {
                 *v += self.nodes.respond(node, *impulse);
             }
             // The last factor may be that of too different a shape.
-            if self.rows.stretch_rate(velocities, rates) <= 0.3 * before.max(SLOW) {
+            if self.rows.stretch_rate(velocities, rates) <= enough * before.max(SLOW) {
                 return Ok(());
             }
             velocities.copy_from_slice(&scratch.free);
