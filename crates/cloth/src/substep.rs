@@ -36,7 +36,9 @@ const MORE: usize = 3;
 /// Tension is new when it resists by this share of what a node resists otherwise more or less than before.
 const TAUTER: f64 = 0.1;
 
-/// Edges may get longer by so much without another correction of the velocities [m/s].
+/// Velocities are left alone when no edge gets longer faster than this [m/s].
+const STILL: f64 = 1e-8;
+/// Edges that get longer more slowly are corrected no better for it [m/s].
 const SLOW: f64 = 1e-4;
 
 /// An old factor will do for velocities when it leaves no more than this share of the rates at which edges get longer;
@@ -482,7 +484,7 @@ impl Simulator {
         self.rows.set_gradients(x, x);
         let rates = &scratch.length_rates;
         let before = self.rows.stretch_rate(velocities, rates);
-        if before <= SLOW * SLOW {
+        if before <= STILL {
             return Ok(());
         }
         scratch.free.copy_from_slice(velocities);
