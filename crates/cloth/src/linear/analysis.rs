@@ -14,7 +14,7 @@ use super::cholesky::Cholesky;
 use super::order::dissect;
 use super::simd::BLOCK;
 use super::threads::Threads;
-use super::tree::{Front, Panels, Tree};
+use super::tree::{Front, Panels, Tree, Unknowns};
 use crate::Error;
 
 /// Neighbouring columns are joined into one front of up to so many columns as long as the share of
@@ -174,7 +174,7 @@ impl Cholesky {
                 last_graft: tree.grafts.len(),
                 shared: 0,
             };
-            size.panels += front.columns * front.height();
+            size.panels += front.entries();
             size.panel = size.panel.max(front.columns * front.height());
             size.longest = front.bottom().max(size.longest);
             number[s] = tree.fronts.len() as u32;
@@ -228,10 +228,8 @@ impl Cholesky {
             tree.panels = Panels::Double(vec![0.0; size.panels]);
             tree.work = vec![0.0; size.panel];
             tree.waiting = size.needed.map(|size| vec![0.0; size]);
-            tree.unknowns = vec![0.0; all];
-            tree.points = vec![[0.0; 4]; all];
-            tree.local = vec![0.0; size.longest];
-            tree.below = vec![[0.0; 4]; size.longest];
+            tree.numbers = Unknowns::zeros(all, size.longest);
+            tree.points = Unknowns::zeros(all, size.longest);
         }
         let trunk = trees.pop().unwrap_or_default();
         Ok(Self {

@@ -3,9 +3,9 @@
 use selvedge_math::DVec3;
 
 use super::factor::Factor;
-use super::points::{DownPoints, UpPoints};
+use super::points::Point;
 use super::simd::dispatch;
-use super::solve::{Down, Up};
+use super::solve::{Unknown, down, up};
 use super::threads::Threads;
 use super::tree::{Panels, Tree};
 use crate::Error;
@@ -86,29 +86,7 @@ impl Cholesky {
     /// When `rhs` has not `n` entries.
     pub fn solve(&mut self, rhs: &mut [f64]) {
         assert_eq!(rhs.len(), self.row_count(), "one entry a row");
-        let threads = self.threads_to_solve();
-        let (branches, trunk) = (&mut self.branches, &mut self.trunk);
-        threads.each(branches, |tree| {
-            tree.gather(rhs);
-            dispatch(Down(tree));
-        });
-        trunk.gather(rhs);
-        for tree in &*branches {
-            for (x, taken) in trunk.unknowns.iter_mut().zip(&tree.unknowns[tree.own..]) {
-                *x += taken;
-            }
-        }
-        dispatch(Down(trunk));
-        dispatch(Up(trunk));
-        threads.each(branches, |tree| {
-            tree.unknowns[tree.own..].copy_from_slice(&trunk.unknowns);
-            dispatch(Up(tree));
-        });
-        for tree in branches.iter().chain([&*trunk]) {
-            for &[unknown, row] in &tree.members {
-                rhs[row as usize] = tree.unknowns[unknown as usize];
-            }
-        }
+        self.solve_for::<f64>(rhs);
     }
 
     /// Solves for the three coordinates of points in place: in little more time than for one.
@@ -117,30 +95,34 @@ impl Cholesky {
     /// When there is not one point a row.
     pub fn solve_points(&mut self, points: &mut [DVec3]) {
         assert_eq!(points.len(), self.row_count(), "one point a row");
+        self.solve_for::<Point>(points);
+    }
+
+    fn solve_for<U: Unknown>(&mut self, rhs: &mut [U::Given]) {
         let threads = self.threads_to_solve();
         let (branches, trunk) = (&mut self.branches, &mut self.trunk);
         threads.each(branches, |tree| {
-            tree.gather_points(points);
-            dispatch(DownPoints(tree));
+            tree.gather::<U>(rhs);
+            down::<U>(tree);
         });
-        trunk.gather_points(points);
-        for tree in &*branches {
-            for (point, taken) in trunk.points.iter_mut().zip(&tree.points[tree.own..]) {
-                for (x, taken) in point.iter_mut().zip(taken) {
-                    *x += taken;
-                }
+        trunk.gather::<U>(rhs);
+        let above = U::of(&mut trunk.numbers, &mut trunk.points);
+        for tree in &mut *branches {
+            let taken = U::of(&mut tree.numbers, &mut tree.points);
+            for (x, &taken) in above.all.iter_mut().zip(&taken.all[tree.own..]) {
+                *x = x.plus(taken);
             }
         }
-        dispatch(DownPoints(trunk));
-        dispatch(UpPoints(trunk));
+        down::<U>(trunk);
+        up::<U>(trunk);
+        let above = &*U::of(&mut trunk.numbers, &mut trunk.points);
         threads.each(branches, |tree| {
-            tree.points[tree.own..].copy_from_slice(&trunk.points);
-            dispatch(UpPoints(tree));
+            let unknowns = U::of(&mut tree.numbers, &mut tree.points);
+            unknowns.all[tree.own..].copy_from_slice(&above.all);
+            up::<U>(tree);
         });
-        for tree in branches.iter().chain([&*trunk]) {
-            for &[unknown, row] in &tree.members {
-                points[row as usize] = DVec3::from_slice(&tree.points[unknown as usize]);
-            }
+        for tree in branches.iter_mut().chain([trunk]) {
+            tree.scatter::<U>(rhs);
         }
     }
 

@@ -71,7 +71,7 @@ impl WithSimd for Factor<'_> {
             if !factor_panel(simd, panel, front.columns, height) {
                 return false;
             }
-            panels.keep(front.panel, panel);
+            panels.keep(front, panel);
             let update = &mut own[front.update..][..bottom * bottom];
             if bottom > 0 {
                 negative_squares(simd, update, bottom, panel, height);
@@ -180,8 +180,9 @@ fn factor_block<S: Simd, const COLUMNS: usize>(
 
     // Of the triangle, solves use the inverse: a product waits for less than a substitution
     invert_triangle(&mut triangle);
-    for (own, column) in triangle.iter().zip(block.chunks_exact_mut(height)) {
-        column[first..first + COLUMNS].copy_from_slice(own);
+    for (k, (own, column)) in triangle.iter().zip(block.chunks_exact_mut(height)).enumerate() {
+        column[first..first + k].fill(0.0);
+        column[first + k..first + COLUMNS].copy_from_slice(&own[k..]);
     }
     true
 }

@@ -10,6 +10,7 @@ mod analysis;
 mod cholesky;
 mod dense;
 mod factor;
+mod numbers;
 mod order;
 mod points;
 mod simd;

@@ -28,13 +28,76 @@ impl<Op: WithSimd> WithSimd for AtMostBlock<Op> {
     }
 }
 
+/// A block of numbers side by side.
+#[derive(Clone, Copy)]
+pub(super) struct Four<S: Simd>(
+    /// The first `BLOCK / S::F64_LANES` are used.
+    [S::f64s; BLOCK],
+);
+
+impl<S: Simd> Four<S> {
+    #[inline(always)]
+    pub(super) fn zero(simd: S) -> Self {
+        Self::splat(simd, 0.0)
+    }
+
+    #[inline(always)]
+    pub(super) fn splat(simd: S, value: f64) -> Self {
+        Self([simd.splat_f64s(value); BLOCK])
+    }
+
+    #[inline(always)]
+    pub(super) fn load(values: &[f64; BLOCK]) -> Self {
+        let vectors = S::as_simd_f64s(values).0;
+        Self(std::array::from_fn(|k| vectors[k % vectors.len()]))
+    }
+
+    #[inline(always)]
+    pub(super) fn store(self, values: &mut [f64; BLOCK]) {
+        let vectors = S::as_mut_simd_f64s(values).0;
+        vectors.copy_from_slice(&self.0[..BLOCK / S::F64_LANES]);
+    }
+
+    /// `self + a b`, one by one.
+    #[inline(always)]
+    pub(super) fn plus(mut self, simd: S, a: Self, b: Self) -> Self {
+        for k in 0..BLOCK / S::F64_LANES {
+            self.0[k] = simd.mul_add_f64s(a.0[k], b.0[k], self.0[k]);
+        }
+        self
+    }
+
+    /// `self - a b`, one by one.
+    #[inline(always)]
+    pub(super) fn minus(mut self, simd: S, a: Self, b: Self) -> Self {
+        for k in 0..BLOCK / S::F64_LANES {
+            self.0[k] = simd.negate_mul_add_f64s(a.0[k], b.0[k], self.0[k]);
+        }
+        self
+    }
+
+    /// The sum of the numbers.
+    #[inline(always)]
+    pub(super) fn sum(self, simd: S) -> f64 {
+        let mut sum = self.0[0];
+        for k in 1..BLOCK / S::F64_LANES {
+            sum = simd.add_f64s(sum, self.0[k]);
+        }
+        simd.reduce_sum_f64s(sum)
+    }
+}
+
 /// What the entries of a factor are kept in. All sums are in double precision.
-pub(super) trait Stored: Copy {
+pub(super) trait Stored: Copy + Send + Sync {
     /// The nearest value, zero for one so small that it would be slow to reckon with.
     fn nearest(value: f64) -> Self;
     fn value(self) -> f64;
-    /// The first entries, as many as a vector has.
-    fn vector<S: Simd>(entries: &[Self]) -> S::f64s;
+
+    /// As many as a block has.
+    #[inline(always)]
+    fn four<S: Simd>(entries: &[Self; BLOCK]) -> Four<S> {
+        Four::load(&entries.map(Self::value))
+    }
 }
 
 impl Stored for f64 {
@@ -46,11 +109,6 @@ impl Stored for f64 {
     #[inline(always)]
     fn value(self) -> f64 {
         self
-    }
-
-    #[inline(always)]
-    fn vector<S: Simd>(entries: &[Self]) -> S::f64s {
-        vectors::<S, 1>(entries, 0)[0]
     }
 }
 
@@ -68,16 +126,6 @@ impl Stored for f32 {
     #[inline(always)]
     fn value(self) -> f64 {
         f64::from(self)
-    }
-
-    #[inline(always)]
-    fn vector<S: Simd>(entries: &[Self]) -> S::f64s {
-        let mut wide = [0.0; BLOCK];
-        let wide = &mut wide[..S::F64_LANES];
-        for (wide, &entry) in wide.iter_mut().zip(&entries[..S::F64_LANES]) {
-            *wide = f64::from(entry);
-        }
-        vectors::<S, 1>(wide, 0)[0]
     }
 }
 

@@ -1,9 +1,8 @@
 //! A part of the tree of eliminations, and what it keeps.
 
-use selvedge_math::DVec3;
-
 use super::points::Point;
 use super::simd::{BLOCK, Stored};
+use super::solve::Unknown;
 
 /// The entries of a factor, in double or in single precision.
 #[derive(Debug)]
@@ -26,20 +25,50 @@ impl Panels {
         }
     }
 
-    /// Keeps the panel that begins at `start`.
+    /// Keeps the panel of a front that was factored column by column.
     #[inline(always)]
-    pub(super) fn keep(&mut self, start: usize, panel: &[f64]) {
+    pub(super) fn keep(&mut self, front: &Front, panel: &[f64]) {
         match self {
-            Self::Double(panels) => keep(&mut panels[start..], panel),
-            Self::Single(panels) => keep(&mut panels[start..], panel),
+            Self::Double(panels) => keep(&mut panels[front.panel..], front, panel),
+            Self::Single(panels) => keep(&mut panels[front.panel..], front, panel),
         }
     }
 }
 
 #[inline(always)]
-fn keep<T: Stored>(kept: &mut [T], panel: &[f64]) {
-    for (kept, &value) in kept.iter_mut().zip(panel) {
-        *kept = T::nearest(value);
+fn keep<T: Stored>(kept: &mut [T], front: &Front, panel: &[f64]) {
+    let height = front.height();
+    let mut kept = kept.chunks_exact_mut(BLOCK);
+    for (k, columns) in panel.chunks(BLOCK * height).enumerate() {
+        for row in (k * BLOCK..height).step_by(BLOCK) {
+            for (column, kept) in columns.chunks_exact(height).zip(&mut kept) {
+                for (kept, &value) in kept.iter_mut().zip(&column[row..row + BLOCK]) {
+                    *kept = T::nearest(value);
+                }
+            }
+        }
+    }
+}
+
+/// As many rows of a block of so many columns as a block has, column by column.
+pub(super) type Tile<T, const COLUMNS: usize> = [[T; BLOCK]; COLUMNS];
+
+/// What a tree is solved for.
+#[derive(Debug, Default)]
+pub(super) struct Unknowns<U> {
+    /// Its own by front, each front's padded with zeros like its columns; then, of a branch, those of the
+    /// trunk.
+    pub(super) all: Vec<U>,
+    /// The rows below one front.
+    pub(super) below: Vec<U>,
+}
+
+impl<U: Unknown> Unknowns<U> {
+    pub(super) fn zeros(all: usize, below: usize) -> Self {
+        Self {
+            all: vec![U::ZERO; all],
+            below: vec![U::ZERO; below],
+        }
     }
 }
 
@@ -58,11 +87,11 @@ pub(super) struct Tree {
     pub(super) children: Vec<u32>,
     /// The branches that hang on each front.
     pub(super) grafts: Vec<u32>,
-    /// The panel of each front, column by column: its rows in the columns of the front, then those
-    /// below, each part padded. Triangles on the diagonal, of a block each, are inverted; above them is
-    /// nothing of use.
+    /// The panel of each front, block by block: of each the rows from its own first on, those in the
+    /// columns of the front and those below, both padded, in tiles of [`BLOCK`] rows, column by column.
+    /// Triangles on the diagonal are inverted; above them are zeros.
     pub(super) panels: Panels,
-    /// The panel that is being factored.
+    /// The panel that is being factored, column by column.
     pub(super) work: Vec<f64>,
     /// Update matrices waiting for their parents, by parity of the depth.
     pub(super) waiting: [Vec<f64>; 2],
@@ -70,33 +99,28 @@ pub(super) struct Tree {
     pub(super) definite: bool,
     /// Its own unknowns with the rows of the matrix that they are.
     pub(super) members: Vec<[u32; 2]>,
-    /// How many unknowns are its own, each front's padded with zeros like its columns.
+    /// How many unknowns are its own, padded.
     pub(super) own: usize,
-    /// Its own unknowns by front; then, of a branch, those of the trunk.
-    pub(super) unknowns: Vec<f64>,
-    /// The part below of one column.
-    pub(super) local: Vec<f64>,
-    /// The same two for points.
-    pub(super) points: Vec<Point>,
-    pub(super) below: Vec<Point>,
+    pub(super) numbers: Unknowns<f64>,
+    pub(super) points: Unknowns<Point>,
 }
 
 impl Tree {
     /// Takes its own unknowns from a right hand side; the others are zero.
-    pub(super) fn gather(&mut self, rhs: &[f64]) {
+    pub(super) fn gather<U: Unknown>(&mut self, rhs: &[U::Given]) {
+        let Unknowns { all, .. } = U::of(&mut self.numbers, &mut self.points);
         // The padding too, where an earlier right hand side may have left what is not a number.
-        self.unknowns.fill(0.0);
+        all.fill(U::ZERO);
         for &[unknown, row] in &self.members {
-            self.unknowns[unknown as usize] = rhs[row as usize];
+            all[unknown as usize] = U::inside(rhs[row as usize]);
         }
     }
 
-    /// The same for points.
-    pub(super) fn gather_points(&mut self, rhs: &[DVec3]) {
-        self.points.fill([0.0; 4]);
+    /// Puts them back.
+    pub(super) fn scatter<U: Unknown>(&mut self, solution: &mut [U::Given]) {
+        let Unknowns { all, .. } = U::of(&mut self.numbers, &mut self.points);
         for &[unknown, row] in &self.members {
-            let point = rhs[row as usize];
-            self.points[unknown as usize] = [point.x, point.y, point.z, 0.0];
+            solution[row as usize] = all[unknown as usize].outside();
         }
     }
 }
@@ -142,11 +166,34 @@ impl Front {
         self.top() + self.bottom()
     }
 
-    /// Its panel and its rows below, of those of the tree.
-    pub(super) fn parts<'a, T>(&self, panels: &'a [T], rows: &'a [u32]) -> (&'a [T], &'a [u32]) {
-        (
-            &panels[self.panel..][..self.columns * self.height()],
-            &rows[self.row..][..self.below],
-        )
+    pub(super) fn blocks(&self) -> usize {
+        self.columns.div_ceil(BLOCK)
+    }
+
+    /// How many entries its panel has.
+    pub(super) fn entries(&self) -> usize {
+        let full = self.columns / BLOCK;
+        self.start(full) + self.columns % BLOCK * (self.height() - full * BLOCK)
+    }
+
+    /// How many columns a block has, and its entries of all panels of the tree.
+    #[inline(always)]
+    pub(super) fn block<'a, T>(&self, panels: &'a [T], block: usize) -> (usize, &'a [T]) {
+        let first = block * BLOCK;
+        let columns = BLOCK.min(self.columns - first);
+        let panel = &panels[self.panel + self.start(block)..];
+        (columns, &panel[..columns * (self.height() - first)])
+    }
+
+    /// Where a block begins in the panel.
+    fn start(&self, block: usize) -> usize {
+        // Those before it have all columns, and each a tile less than the one before.
+        let tiles = block * (self.height() / BLOCK) - block * block.saturating_sub(1) / 2;
+        tiles * BLOCK * BLOCK
+    }
+
+    /// Its rows below, of those of the tree.
+    pub(super) fn rows<'a>(&self, rows: &'a [u32]) -> &'a [u32] {
+        &rows[self.row..][..self.below]
     }
 }
