@@ -65,12 +65,13 @@ impl<T: Stored, U: Unknown> WithSimd for Down<'_, T, U> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self(fronts, rows, panels, Unknowns { all, below }) = self;
+        let Self(fronts, rows, panels, unknowns) = self;
+        let (all, below) = (&mut *unknowns.all, &mut *unknowns.below);
         for front in fronts {
+            let rows = front.rows(rows);
+            gather(all, rows, &mut below[..front.bottom()]);
             let own = all[front.column..][..front.top()].as_chunks_mut().0;
-            let below = &mut below[..front.bottom()];
-            below.fill(U::ZERO);
-            let below = below.as_chunks_mut().0;
+            let below = below[..front.bottom()].as_chunks_mut().0;
             for k in 0..front.blocks() {
                 let (columns, block) = front.block(panels, k);
                 let own = &mut own[k..];
@@ -81,10 +82,8 @@ impl<T: Stored, U: Unknown> WithSimd for Down<'_, T, U> {
                     _ => forward::<S, T, U, BLOCK>(simd, block, own, below),
                 }
             }
-            let below = below.as_flattened();
-            for (&taken, &row) in below.iter().zip(front.rows(rows)) {
-                let x = &mut all[row as usize];
-                *x = x.plus(taken);
+            for (&x, &row) in below.as_flattened().iter().zip(rows) {
+                all[row as usize] = x;
             }
         }
     }
@@ -97,15 +96,11 @@ impl<T: Stored, U: Unknown> WithSimd for Up<'_, T, U> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self(fronts, rows, panels, Unknowns { all, below }) = self;
+        let Self(fronts, rows, panels, unknowns) = self;
+        let (all, below) = (&mut *unknowns.all, &mut *unknowns.below);
         for front in fronts.iter().rev() {
             let below = &mut below[..front.bottom()];
-            if let Some(padded) = below.last_chunk_mut::<BLOCK>() {
-                *padded = [U::ZERO; BLOCK];
-            }
-            for (x, &row) in below.iter_mut().zip(front.rows(rows)) {
-                *x = all[row as usize];
-            }
+            gather(all, front.rows(rows), below);
             let own = all[front.column..][..front.top()].as_chunks_mut().0;
             let below = below.as_chunks().0;
             for k in (0..front.blocks()).rev() {
@@ -119,6 +114,17 @@ impl<T: Stored, U: Unknown> WithSimd for Up<'_, T, U> {
                 }
             }
         }
+    }
+}
+
+/// The unknowns below a front, padded with zeros.
+#[inline(always)]
+fn gather<U: Unknown>(all: &[U], rows: &[u32], below: &mut [U]) {
+    if let Some(padded) = below.last_chunk_mut::<BLOCK>() {
+        *padded = [U::ZERO; BLOCK];
+    }
+    for (x, &row) in below.iter_mut().zip(rows) {
+        *x = all[row as usize];
     }
 }
 
