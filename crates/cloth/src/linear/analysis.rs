@@ -176,7 +176,7 @@ impl Cholesky {
             };
             size.panels += front.entries();
             size.panel = size.panel.max(front.columns * front.height());
-            size.longest = front.bottom().max(size.longest);
+            size.tallest = front.height().max(size.tallest);
             number[s] = tree.fronts.len() as u32;
             tree.fronts.push(front);
             for &child in &children[s] {
@@ -228,8 +228,8 @@ impl Cholesky {
             tree.panels = Panels::Double(vec![0.0; size.panels]);
             tree.work = vec![0.0; size.panel];
             tree.waiting = size.needed.map(|size| vec![0.0; size]);
-            tree.numbers = Unknowns::zeros(all, size.longest);
-            tree.points = Unknowns::zeros(all, size.longest);
+            tree.numbers = Unknowns::zeros(all, size.tallest);
+            tree.points = Unknowns::zeros(all, size.tallest);
         }
         let trunk = trees.pop().unwrap_or_default();
         Ok(Self {
@@ -246,8 +246,8 @@ struct Sizes {
     panels: usize,
     /// Entries of the largest.
     panel: usize,
-    /// Most rows below a front.
-    longest: usize,
+    /// Height of the tallest front.
+    tallest: usize,
     /// Present and greatest heights of the two stacks of update matrices.
     used: [usize; 2],
     needed: [usize; 2],

@@ -34,7 +34,8 @@ impl Unknown for f64 {
         simd: S,
         triangle: &Tile<T, COLUMNS>,
         x: &mut [f64; BLOCK],
-        others: [(&[Tile<T, COLUMNS>], &mut [[f64; BLOCK]]); 2],
+        tiles: &[Tile<T, COLUMNS>],
+        others: &mut [[f64; BLOCK]],
     ) {
         let mut solved = Four::zero(simd);
         for c in 0..COLUMNS {
@@ -42,14 +43,12 @@ impl Unknown for f64 {
         }
         solved.store(x);
         let factors: [Four<S>; COLUMNS] = std::array::from_fn(|c| Four::splat(simd, x[c]));
-        for (tiles, rows) in others {
-            for (tile, x) in tiles.iter().zip(rows) {
-                let mut left = Four::load(x);
-                for c in 0..COLUMNS {
-                    left = left.minus(simd, T::four(&tile[c]), factors[c]);
-                }
-                left.store(x);
+        for (tile, x) in tiles.iter().zip(others) {
+            let mut left = Four::load(x);
+            for c in 0..COLUMNS {
+                left = left.minus(simd, T::four(&tile[c]), factors[c]);
             }
+            left.store(x);
         }
     }
 
@@ -58,15 +57,15 @@ impl Unknown for f64 {
         simd: S,
         triangle: &Tile<T, COLUMNS>,
         x: &mut [f64; BLOCK],
-        others: [(&[Tile<T, COLUMNS>], &[[f64; BLOCK]]); 2],
+        tiles: &[Tile<T, COLUMNS>],
+        others: &[[f64; BLOCK]],
     ) {
         let mut sums = [Four::zero(simd); COLUMNS];
-        for (tiles, rows) in others {
-            for (tile, x) in tiles.iter().zip(rows) {
-                let x = Four::load(x);
-                for c in 0..COLUMNS {
-                    sums[c] = sums[c].plus(simd, T::four(&tile[c]), x);
-                }
+        // The nearest ones are known last.
+        for (tile, x) in tiles.iter().zip(others).rev() {
+            let x = Four::load(x);
+            for c in 0..COLUMNS {
+                sums[c] = sums[c].plus(simd, T::four(&tile[c]), x);
             }
         }
         for c in 0..COLUMNS {

@@ -38,7 +38,8 @@ impl Unknown for Point {
         simd: S,
         triangle: &Tile<T, COLUMNS>,
         x: &mut [Point; BLOCK],
-        others: [(&[Tile<T, COLUMNS>], &mut [[Point; BLOCK]]); 2],
+        tiles: &[Tile<T, COLUMNS>],
+        others: &mut [[Point; BLOCK]],
     ) {
         let mut solved = [Four::zero(simd); COLUMNS];
         for row in 0..COLUMNS {
@@ -50,15 +51,13 @@ impl Unknown for Point {
         for c in 0..COLUMNS {
             solved[c].store(&mut x[c]);
         }
-        for (tiles, rows) in others {
-            for (tile, points) in tiles.iter().zip(rows) {
-                for row in 0..BLOCK {
-                    let mut left = Four::load(&points[row]);
-                    for c in 0..COLUMNS {
-                        left = left.minus(simd, Four::splat(simd, tile[c][row].value()), solved[c]);
-                    }
-                    left.store(&mut points[row]);
+        for (tile, points) in tiles.iter().zip(others) {
+            for row in 0..BLOCK {
+                let mut left = Four::load(&points[row]);
+                for c in 0..COLUMNS {
+                    left = left.minus(simd, Four::splat(simd, tile[c][row].value()), solved[c]);
                 }
+                left.store(&mut points[row]);
             }
         }
     }
@@ -68,16 +67,16 @@ impl Unknown for Point {
         simd: S,
         triangle: &Tile<T, COLUMNS>,
         x: &mut [Point; BLOCK],
-        others: [(&[Tile<T, COLUMNS>], &[[Point; BLOCK]]); 2],
+        tiles: &[Tile<T, COLUMNS>],
+        others: &[[Point; BLOCK]],
     ) {
         let mut left: [Four<S>; COLUMNS] = std::array::from_fn(|c| Four::load(&x[c]));
-        for (tiles, rows) in others {
-            for (tile, points) in tiles.iter().zip(rows) {
-                for row in 0..BLOCK {
-                    let x = Four::load(&points[row]);
-                    for c in 0..COLUMNS {
-                        left[c] = left[c].minus(simd, Four::splat(simd, tile[c][row].value()), x);
-                    }
+        // The nearest ones are known last.
+        for (tile, points) in tiles.iter().zip(others).rev() {
+            for row in 0..BLOCK {
+                let x = Four::load(&points[row]);
+                for c in 0..COLUMNS {
+                    left[c] = left[c].minus(simd, Four::splat(simd, tile[c][row].value()), x);
                 }
             }
         }

@@ -1,6 +1,8 @@
 //! The two triangular solves, front by front and block by block, in the order in which the factor lies in
 //! memory or in its reverse.
 
+use std::ops::Range;
+
 use super::points::Point;
 use super::simd::{BLOCK, Simd, Stored, WithSimd, dispatch};
 use super::tree::{Front, Panels, Tile, Tree, Unknowns};
@@ -26,7 +28,8 @@ pub(super) trait Unknown: Copy + Send + Sync {
         simd: S,
         triangle: &Tile<T, COLUMNS>,
         x: &mut [Self; BLOCK],
-        others: [(&[Tile<T, COLUMNS>], &mut [[Self; BLOCK]]); 2],
+        tiles: &[Tile<T, COLUMNS>],
+        others: &mut [[Self; BLOCK]],
     );
 
     /// Solves for the columns of a block with the others known.
@@ -34,7 +37,8 @@ pub(super) trait Unknown: Copy + Send + Sync {
         simd: S,
         triangle: &Tile<T, COLUMNS>,
         x: &mut [Self; BLOCK],
-        others: [(&[Tile<T, COLUMNS>], &[[Self; BLOCK]]); 2],
+        tiles: &[Tile<T, COLUMNS>],
+        others: &[[Self; BLOCK]],
     );
 }
 
@@ -66,23 +70,22 @@ impl<T: Stored, U: Unknown> WithSimd for Down<'_, T, U> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self(fronts, rows, panels, unknowns) = self;
-        let (all, below) = (&mut *unknowns.all, &mut *unknowns.below);
+        let (all, local) = (&mut *unknowns.all, &mut *unknowns.local);
         for front in fronts {
-            let rows = front.rows(rows);
-            gather(all, rows, &mut below[..front.bottom()]);
-            let own = all[front.column..][..front.top()].as_chunks_mut().0;
-            let below = below[..front.bottom()].as_chunks_mut().0;
+            let (own, rows) = (front.column..front.column + front.top(), front.rows(rows));
+            let local = gather(all, own.clone(), rows, local);
             for k in 0..front.blocks() {
                 let (columns, block) = front.block(panels, k);
-                let own = &mut own[k..];
                 match columns {
-                    1 => forward::<S, T, U, 1>(simd, block, own, below),
-                    2 => forward::<S, T, U, 2>(simd, block, own, below),
-                    3 => forward::<S, T, U, 3>(simd, block, own, below),
-                    _ => forward::<S, T, U, BLOCK>(simd, block, own, below),
+                    1 => forward::<S, T, U, 1>(simd, block, &mut local[k..]),
+                    2 => forward::<S, T, U, 2>(simd, block, &mut local[k..]),
+                    3 => forward::<S, T, U, 3>(simd, block, &mut local[k..]),
+                    _ => forward::<S, T, U, BLOCK>(simd, block, &mut local[k..]),
                 }
             }
-            for (&x, &row) in below.as_flattened().iter().zip(rows) {
+            let (own_solved, below) = local.as_flattened().split_at(own.len());
+            all[own].copy_from_slice(own_solved);
+            for (&x, &row) in below.iter().zip(rows) {
                 all[row as usize] = x;
             }
         }
@@ -97,50 +100,56 @@ impl<T: Stored, U: Unknown> WithSimd for Up<'_, T, U> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self(fronts, rows, panels, unknowns) = self;
-        let (all, below) = (&mut *unknowns.all, &mut *unknowns.below);
+        let (all, local) = (&mut *unknowns.all, &mut *unknowns.local);
         for front in fronts.iter().rev() {
-            let below = &mut below[..front.bottom()];
-            gather(all, front.rows(rows), below);
-            let own = all[front.column..][..front.top()].as_chunks_mut().0;
-            let below = below.as_chunks().0;
+            let own = front.column..front.column + front.top();
+            let local = gather(all, own.clone(), front.rows(rows), local);
             for k in (0..front.blocks()).rev() {
                 let (columns, block) = front.block(panels, k);
-                let own = &mut own[k..];
                 match columns {
-                    1 => backward::<S, T, U, 1>(simd, block, own, below),
-                    2 => backward::<S, T, U, 2>(simd, block, own, below),
-                    3 => backward::<S, T, U, 3>(simd, block, own, below),
-                    _ => backward::<S, T, U, BLOCK>(simd, block, own, below),
+                    1 => backward::<S, T, U, 1>(simd, block, &mut local[k..]),
+                    2 => backward::<S, T, U, 2>(simd, block, &mut local[k..]),
+                    3 => backward::<S, T, U, 3>(simd, block, &mut local[k..]),
+                    _ => backward::<S, T, U, BLOCK>(simd, block, &mut local[k..]),
                 }
             }
+            let solved = &local.as_flattened()[..own.len()];
+            all[own].copy_from_slice(solved);
         }
     }
 }
 
-/// The unknowns below a front, padded with zeros.
+/// The unknowns of a front and those below, padded with zeros.
 #[inline(always)]
-fn gather<U: Unknown>(all: &[U], rows: &[u32], below: &mut [U]) {
-    if let Some(padded) = below.last_chunk_mut::<BLOCK>() {
+fn gather<'a, U: Unknown>(
+    all: &[U],
+    own: Range<usize>,
+    rows: &[u32],
+    local: &'a mut [U],
+) -> &'a mut [[U; BLOCK]] {
+    let height = own.len() + rows.len().next_multiple_of(BLOCK);
+    let local = local[..height].as_chunks_mut().0;
+    if let Some(padded) = local.last_mut() {
         *padded = [U::ZERO; BLOCK];
     }
+    let (own_part, below) = local.as_flattened_mut().split_at_mut(own.len());
+    own_part.copy_from_slice(&all[own]);
     for (x, &row) in below.iter_mut().zip(rows) {
         *x = all[row as usize];
     }
+    local
 }
 
-/// A block of a front, the first of `own`.
+/// The first block of these unknowns.
 #[inline(always)]
 fn forward<S: Simd, T: Stored, U: Unknown, const COLUMNS: usize>(
     simd: S,
     block: &[T],
-    own: &mut [[U; BLOCK]],
-    below: &mut [[U; BLOCK]],
+    unknowns: &mut [[U; BLOCK]],
 ) {
-    let tiles: &[Tile<T, COLUMNS>] = block.as_chunks().0.as_chunks().0;
-    if let ([x, later @ ..], [triangle, tiles @ ..]) = (own, tiles) {
-        let (tiles, tiles_below) = tiles.split_at(later.len());
-        let others = [(tiles, later), (tiles_below, below)];
-        U::forward(simd, triangle, x, others);
+    let tiles = block.as_chunks().0.as_chunks().0;
+    if let ([x, others @ ..], [triangle, tiles @ ..]) = (unknowns, tiles) {
+        U::forward::<S, T, COLUMNS>(simd, triangle, x, tiles, others);
     }
 }
 
@@ -149,14 +158,10 @@ fn forward<S: Simd, T: Stored, U: Unknown, const COLUMNS: usize>(
 fn backward<S: Simd, T: Stored, U: Unknown, const COLUMNS: usize>(
     simd: S,
     block: &[T],
-    own: &mut [[U; BLOCK]],
-    below: &[[U; BLOCK]],
+    unknowns: &mut [[U; BLOCK]],
 ) {
-    let tiles: &[Tile<T, COLUMNS>] = block.as_chunks().0.as_chunks().0;
-    if let ([x, later @ ..], [triangle, tiles @ ..]) = (own, tiles) {
-        let (tiles, tiles_below) = tiles.split_at(later.len());
-        // What is below is known first.
-        let others = [(tiles_below, below), (tiles, &*later)];
-        U::backward(simd, triangle, x, others);
+    let tiles = block.as_chunks().0.as_chunks().0;
+    if let ([x, others @ ..], [triangle, tiles @ ..]) = (unknowns, tiles) {
+        U::backward::<S, T, COLUMNS>(simd, triangle, x, tiles, others);
     }
 }

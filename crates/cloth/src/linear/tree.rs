@@ -59,15 +59,15 @@ pub(super) struct Unknowns<U> {
     /// Its own by front, each front's padded with zeros like its columns; then, of a branch, those of the
     /// trunk.
     pub(super) all: Vec<U>,
-    /// The rows below one front.
-    pub(super) below: Vec<U>,
+    /// Those of one front and those below.
+    pub(super) local: Vec<U>,
 }
 
 impl<U: Unknown> Unknowns<U> {
-    pub(super) fn zeros(all: usize, below: usize) -> Self {
+    pub(super) fn zeros(all: usize, local: usize) -> Self {
         Self {
             all: vec![U::ZERO; all],
-            below: vec![U::ZERO; below],
+            local: vec![U::ZERO; local],
         }
     }
 }
