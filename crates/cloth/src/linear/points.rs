@@ -52,10 +52,11 @@ impl Unknown for Point {
             solved[c].store(&mut x[c]);
         }
         for (tile, points) in tiles.iter().zip(others) {
+            let tile = tile.map(|column| column.map(T::value));
             for row in 0..BLOCK {
                 let mut left = Four::load(&points[row]);
                 for c in 0..COLUMNS {
-                    left = left.minus(simd, Four::splat(simd, tile[c][row].value()), solved[c]);
+                    left = left.minus(simd, Four::splat(simd, tile[c][row]), solved[c]);
                 }
                 left.store(&mut points[row]);
             }
@@ -73,10 +74,11 @@ impl Unknown for Point {
         let mut left: [Four<S>; COLUMNS] = std::array::from_fn(|c| Four::load(&x[c]));
         // The nearest ones are known last.
         for (tile, points) in tiles.iter().zip(others).rev() {
+            let tile = tile.map(|column| column.map(T::value));
             for row in 0..BLOCK {
                 let x = Four::load(&points[row]);
                 for c in 0..COLUMNS {
-                    left[c] = left[c].minus(simd, Four::splat(simd, tile[c][row].value()), x);
+                    left[c] = left[c].minus(simd, Four::splat(simd, tile[c][row]), x);
                 }
             }
         }
