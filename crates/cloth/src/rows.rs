@@ -49,7 +49,11 @@ pub(crate) struct Rows {
     pub(crate) multipliers: Vec<f64>,
     /// Stiffness across each edge [N/m] that its tension gives at the start of a substep.
     tautness: Vec<f64>,
-    /// Gradients with respect to the row's nodes: two an edge, four a quad.
+    /// Gradients with respect to the second node of each edge, and to the second and third of each quad:
+    /// with respect to the other half of the nodes they are opposite.
+    of_edges: Vec<DVec3>,
+    of_quads: Vec<[DVec3; 2]>,
+    /// All of them, two an edge and four a quad, and what the nodes do with each as a force.
     gradients: Vec<DVec3>,
     weighted: Vec<DVec3>,
     /// The node of each gradient.
@@ -166,6 +170,8 @@ impl Rows {
             exempt: vec![false; row_count],
             multipliers: vec![0.0; row_count],
             tautness: vec![0.0; edges.len()],
+            of_edges: vec![DVec3::ZERO; edges.len()],
+            of_quads: vec![[DVec3::ZERO; 2]; quads.len()],
             gradients: vec![DVec3::ZERO; node.len()],
             weighted: vec![DVec3::ZERO; node.len()],
             values: vec![0.0; pattern.len()],
@@ -217,37 +223,27 @@ impl Rows {
     /// Gradients at the positions `(start + end)/2`.
     pub(crate) fn set_gradients(&mut self, start: &[DVec3], end: &[DVec3]) {
         let middle = |k: u32| 0.5 * (start[k as usize] + end[k as usize]);
-        let (of_edges, of_quads) = self.gradients.split_at_mut(2 * self.edges.len());
-        for ((gradient, edge), length) in of_edges
-            .chunks_exact_mut(2)
-            .zip(&self.edges)
-            .zip(&self.lengths)
-        {
-            let way = (middle(edge[1]) - middle(edge[0])) / *length;
-            gradient.copy_from_slice(&[-way, way]);
+        let of_edges = self.of_edges.iter_mut().zip(&self.edges);
+        for ((gradient, edge), length) in of_edges.zip(&self.lengths) {
+            *gradient = (middle(edge[1]) - middle(edge[0])) / *length;
         }
-        for ((gradient, quad), product) in of_quads
-            .chunks_exact_mut(4)
-            .zip(&self.quads)
-            .zip(&self.products)
-        {
+        let of_quads = self.of_quads.iter_mut().zip(&self.quads);
+        for ((gradient, quad), product) in of_quads.zip(&self.products) {
             let [a, b, c, d] = quad.map(middle);
             let scale = 0.5 / product;
             let (u, v) = (0.5 * scale * (b - a + c - d), 0.5 * scale * (d - a + c - b));
-            gradient.copy_from_slice(&[-u - v, v - u, u + v, u - v]);
+            *gradient = [v - u, u + v];
         }
-        for (row, _) in self
-            .exempt
-            .iter()
-            .enumerate()
-            .filter(|(_, exempt)| **exempt)
-        {
-            let edges = self.edges.len();
-            let range = match row < edges {
-                true => 2 * row..2 * row + 2,
-                false => 2 * edges + 4 * (row - edges)..2 * edges + 4 * (row - edges) + 4,
-            };
-            self.gradients[range].fill(DVec3::ZERO);
+        let (exempt_edges, exempt_quads) = self.exempt.split_at(self.edges.len());
+        for (gradient, exempt) in self.of_edges.iter_mut().zip(exempt_edges) {
+            if *exempt {
+                *gradient = DVec3::ZERO;
+            }
+        }
+        for (gradient, exempt) in self.of_quads.iter_mut().zip(exempt_quads) {
+            if *exempt {
+                *gradient = [DVec3::ZERO; 2];
+            }
         }
     }
 
@@ -289,17 +285,39 @@ impl Rows {
 
     /// Adds the forces of the rows [N].
     pub(crate) fn add_forces(&self, forces: &mut [DVec3]) {
-        scatter(
-            &self.edges,
-            &self.quads,
-            &self.gradients,
-            &self.multipliers,
-            forces,
-        );
+        self.add_forces_of(&self.multipliers, forces);
+    }
+
+    /// The same for these multipliers.
+    fn add_forces_of(&self, multipliers: &[f64], forces: &mut [DVec3]) {
+        let (of_edges, of_quads) = multipliers.split_at(self.edges.len());
+        let edges = self.edges.iter().zip(&self.of_edges);
+        for ((edge, gradient), &multiplier) in edges.zip(of_edges) {
+            // A stretched edge pulls its ends together: its multiplier is negative then.
+            let force = gradient * multiplier;
+            forces[edge[0] as usize] -= force;
+            forces[edge[1] as usize] += force;
+        }
+        let quads = self.quads.iter().zip(&self.of_quads);
+        for ((quad, gradients), &multiplier) in quads.zip(of_quads) {
+            let [a, b, c, d] = quad.map(|node| node as usize);
+            let [second, third] = gradients.map(|gradient| gradient * multiplier);
+            forces[a] -= third;
+            forces[b] += second;
+            forces[c] += third;
+            forces[d] -= second;
+        }
     }
 
     /// Builds and factors `S` for the present gradients.
     pub(crate) fn factor(&mut self, nodes: &Nodes, law: ShearLaw) -> Result<(), Error> {
+        let (of_edges, of_quads) = self.gradients.split_at_mut(2 * self.edges.len());
+        for (all, &gradient) in of_edges.as_chunks_mut().0.iter_mut().zip(&self.of_edges) {
+            *all = [-gradient, gradient];
+        }
+        for (all, &[b, c]) in of_quads.as_chunks_mut().0.iter_mut().zip(&self.of_quads) {
+            *all = [-c, b, c, -b];
+        }
         for ((weighted, &gradient), &node) in self
             .weighted
             .iter_mut()
@@ -372,13 +390,7 @@ impl Rows {
             *multiplier += change;
         }
         forces.fill(DVec3::ZERO);
-        scatter(
-            &self.edges,
-            &self.quads,
-            &self.gradients,
-            &self.change,
-            forces,
-        );
+        self.add_forces_of(&self.change, forces);
     }
 
     /// One correction of velocities that lengthen edges, with the present gradients: puts the impulses
@@ -393,18 +405,12 @@ impl Rows {
         for (row, edge) in self.edges.iter().enumerate() {
             if !self.exempt[row] {
                 let [p, q] = edge.map(|n| velocities[n as usize]);
-                self.change[row] = length_rates[row] - (q - p).dot(self.gradients[2 * row + 1]);
+                self.change[row] = length_rates[row] - (q - p).dot(self.of_edges[row]);
             }
         }
         self.cholesky.solve(&mut self.change);
         impulses.fill(DVec3::ZERO);
-        scatter(
-            &self.edges,
-            &self.quads,
-            &self.gradients,
-            &self.change,
-            impulses,
-        );
+        self.add_forces_of(&self.change, impulses);
     }
 
     /// Sines of the shear angles less those at rest, one a quad; 0 where exempt.
@@ -452,7 +458,7 @@ impl Rows {
         rates
             .map(|(row, edge)| {
                 let [p, q] = edge.map(|n| velocities[n as usize]);
-                ((q - p).dot(self.gradients[2 * row + 1]) - length_rates[row]).abs()
+                ((q - p).dot(self.of_edges[row]) - length_rates[row]).abs()
             })
             .fold(0.0, f64::max)
     }
@@ -479,27 +485,4 @@ fn stretch(&[p, q]: &[u32; 2], length: f64, x: &[DVec3]) -> f64 {
 fn tangents(quad: &[u32; 4], x: &[DVec3]) -> (DVec3, DVec3) {
     let [a, b, c, d] = quad.map(|k| x[k as usize]);
     (0.5 * (b - a + c - d), 0.5 * (d - a + c - b))
-}
-
-fn scatter(
-    edges: &[[u32; 2]],
-    quads: &[[u32; 4]],
-    gradients: &[DVec3],
-    multipliers: &[f64],
-    forces: &mut [DVec3],
-) {
-    let (of_edges, of_quads) = multipliers.split_at(edges.len());
-    for ((edge, gradient), &multiplier) in edges.iter().zip(gradients.chunks_exact(2)).zip(of_edges)
-    {
-        // A stretched edge pulls its ends together: its multiplier is negative then.
-        let force = gradient[1] * multiplier;
-        forces[edge[0] as usize] -= force;
-        forces[edge[1] as usize] += force;
-    }
-    let gradients = gradients[2 * edges.len()..].chunks_exact(4);
-    for ((quad, gradient), &multiplier) in quads.iter().zip(gradients).zip(of_quads) {
-        for (&node, &gradient) in quad.iter().zip(gradient) {
-            forces[node as usize] += gradient * multiplier;
-        }
-    }
 }
