@@ -291,8 +291,9 @@ fn own_parts(triangles: &[[u32; 3]]) -> Vec<Own> {
 #[inline]
 fn are_apart(kind: Kind, x: &[DVec3; 4], reach: f64) -> bool {
     // How far apart along an axis, times its length
-    let is_enough =
-        |apart: f64, axis: DVec3| apart > 0.0 && apart * apart > reach * reach * axis.length_squared();
+    let is_enough = |apart: f64, axis: DVec3| {
+        apart > 0.0 && apart * apart > reach * reach * axis.length_squared()
+    };
     match kind {
         Kind::NodeTriangle => {
             let d = x[0] - (x[1] + x[2] + x[3]) / 3.0;

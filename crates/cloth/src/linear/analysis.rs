@@ -175,7 +175,7 @@ impl Cholesky {
                 shared: 0,
             };
             size.panels += front.entries();
-            size.panel = size.panel.max(front.columns * front.height());
+            size.panel = size.panel.max(front.columns * front.panel_stride());
             size.tallest = front.height().max(size.tallest);
             number[s] = tree.fronts.len() as u32;
             tree.fronts.push(front);
@@ -190,11 +190,11 @@ impl Cholesky {
                 let shared = |row: &&u32| (**row as usize) < end[s];
                 child.shared = rows.iter().take_while(shared).count();
                 if own_child {
-                    sizes[own].used[child.stack] -= child.bottom().pow(2);
+                    sizes[own].used[child.stack] -= child.update_entries();
                 }
             }
             let size = &mut sizes[own];
-            size.used[front.stack] += front.bottom().pow(2);
+            size.used[front.stack] += front.update_entries();
             size.needed[front.stack] = size.used[front.stack].max(size.needed[front.stack]);
         }
 
@@ -207,7 +207,7 @@ impl Cholesky {
                 let s = front_of[column];
                 let front = &trees[tree_of[s]].fronts[number[s] as usize];
                 let place = place_in_front(begin[s], end[s], below(s), row);
-                let place = (column - begin[s]) * front.height() + place;
+                let place = (column - begin[s]) * front.panel_stride() + place;
                 (tree_of[s], number[s], [k, place as u32])
             })
             .collect();

@@ -4,7 +4,7 @@ use selvedge_math::DVec3;
 
 use super::factor::Factor;
 use super::points::Point;
-use super::simd::dispatch;
+use super::simd::dispatch_wide;
 use super::solve::{Unknown, down, up};
 use super::threads::Threads;
 use super::tree::{Panels, Tree};
@@ -70,10 +70,10 @@ impl Cholesky {
         let count: usize = trees.map(|tree| tree.entries.len()).sum();
         assert_eq!(values.len(), count, "one value a pair");
         self.threads.each(&mut self.branches, |tree| {
-            tree.definite = dispatch(Factor(tree, values, &[]));
+            tree.definite = dispatch_wide(Factor(tree, values, &[]));
         });
         let good = self.branches.iter().all(|tree| tree.definite);
-        if good && dispatch(Factor(&mut self.trunk, values, &self.branches)) {
+        if good && dispatch_wide(Factor(&mut self.trunk, values, &self.branches)) {
             Ok(())
         } else {
             Err(Error::Factorisation("it is not positive definite".into()))

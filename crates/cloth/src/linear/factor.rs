@@ -41,17 +41,17 @@ impl WithSimd for Factor<'_> {
             } else {
                 (&mut *odd, &*even)
             };
-            let (height, bottom) = (front.height(), front.bottom());
+            let (stride, update_stride) = (front.panel_stride(), front.update_stride());
             let own_children = &children[front.first_child..front.last_child];
             let own_children = own_children.iter().map(|&k| &fronts[k as usize]);
 
-            let panel = &mut work[..front.columns * height];
+            let panel = &mut work[..front.columns * stride];
             panel.fill(0.0);
             for &[value, place] in &entries[front.first_entry..front.last_entry] {
                 panel[place as usize] = values[value as usize];
             }
             for child in own_children.clone() {
-                add(panel, height, 0, child, 0..child.shared, childrens, places);
+                add(panel, stride, 0, child, 0..child.shared, childrens, places);
             }
             let grafts = &grafts[front.first_graft..front.last_graft];
             let grafts = grafts.iter().map(|&k| &branches[k as usize]);
@@ -60,7 +60,7 @@ impl WithSimd for Factor<'_> {
                 let updates = &tree.waiting[root.stack];
                 add(
                     panel,
-                    height,
+                    stride,
                     0,
                     root,
                     0..root.shared,
@@ -68,22 +68,30 @@ impl WithSimd for Factor<'_> {
                     &tree.places,
                 );
             }
-            if !factor_panel(simd, panel, front.columns, height) {
+            if !factor_panel(simd, panel, front.columns, stride) {
                 return false;
             }
             panels.keep(front, panel);
-            let update = &mut own[front.update..][..bottom * bottom];
-            if bottom > 0 {
-                negative_squares(simd, update, bottom, panel, height);
+            let update = &mut own[front.update..][..front.update_entries()];
+            if front.below > 0 {
+                negative_squares(simd, update, update_stride, panel, stride);
                 let top = front.top();
                 for child in own_children {
                     let rest = child.shared..child.below;
-                    add(update, bottom, top, child, rest, childrens, places);
+                    add(update, update_stride, top, child, rest, childrens, places);
                 }
                 for (tree, root) in grafts {
                     let rest = root.shared..root.below;
                     let updates = &tree.waiting[root.stack];
-                    add(update, bottom, top, root, rest, updates, &tree.places);
+                    add(
+                        update,
+                        update_stride,
+                        top,
+                        root,
+                        rest,
+                        updates,
+                        &tree.places,
+                    );
                 }
             }
         }
@@ -91,8 +99,8 @@ impl WithSimd for Factor<'_> {
     }
 }
 
-/// Adds some columns of a child's update matrix to a matrix of so many rows, the first of which is
-/// the front's row `first`.
+/// Adds some columns of a child's update matrix to a matrix whose columns are `height` apart, and whose first row
+/// is the front's row `first`.
 #[inline(always)]
 fn add(
     target: &mut [f64],
@@ -105,11 +113,11 @@ fn add(
 ) {
     let places = &places[child.row..][..child.below];
     let values = &childrens[child.update..];
-    let bottom = child.bottom();
+    let stride = child.update_stride();
     for k in columns {
         let rows = &places[k..];
         let column = &mut target[(rows[0] as usize - first) * height..];
-        for (&row, value) in rows.iter().zip(&values[k * bottom + k..]) {
+        for (&row, value) in rows.iter().zip(&values[k * stride + k..]) {
             column[row as usize - first] += value;
         }
     }
@@ -118,13 +126,13 @@ fn add(
 /// Cholesky factorisation of the first rows of a panel and the matching solve of the rest; false
 /// when a pivot is not a positive finite number. Triangles on the diagonal, of a block each, are inverted.
 #[inline(always)]
-fn factor_panel<S: Simd>(simd: S, panel: &mut [f64], columns: usize, height: usize) -> bool {
+fn factor_panel<S: Simd>(simd: S, panel: &mut [f64], columns: usize, stride: usize) -> bool {
     for first in (0..columns).step_by(BLOCK) {
         let good = match columns - first {
-            1 => factor_block::<S, 1>(simd, panel, height, first),
-            2 => factor_block::<S, 2>(simd, panel, height, first),
-            3 => factor_block::<S, 3>(simd, panel, height, first),
-            _ => factor_block::<S, BLOCK>(simd, panel, height, first),
+            1 => factor_block::<S, 1>(simd, panel, stride, first),
+            2 => factor_block::<S, 2>(simd, panel, stride, first),
+            3 => factor_block::<S, 3>(simd, panel, stride, first),
+            _ => factor_block::<S, BLOCK>(simd, panel, stride, first),
         };
         if !good {
             return false;
@@ -138,23 +146,25 @@ fn factor_panel<S: Simd>(simd: S, panel: &mut [f64], columns: usize, height: usi
 fn factor_block<S: Simd, const COLUMNS: usize>(
     simd: S,
     panel: &mut [f64],
-    height: usize,
+    stride: usize,
     first: usize,
 ) -> bool {
-    let (done, rest) = panel.split_at_mut(first * height);
-    let block = &mut rest[..COLUMNS * height];
+    let (done, rest) = panel.split_at_mut(first * stride);
+    let block = &mut rest[..COLUMNS * stride];
 
     // The triangle on the diagonal
     for row in (first..first + BLOCK).step_by(S::F64_LANES) {
-        let products = products::<S, COLUMNS, 1>(simd, done, height, row, first);
-        for (column, [product]) in block.chunks_exact_mut(height).zip(products) {
-            for value in vectors_mut::<S, 1>(column, row) {
-                *value = simd.sub_f64s(*value, product);
+        let products = products::<S, COLUMNS, 1>(simd, done, stride, row, first);
+        for (column, product) in block.chunks_exact_mut(stride).zip(products) {
+            let mut taken = [0.0; 2 * BLOCK];
+            vectors_mut::<S, 1>(&mut taken, 0).copy_from_slice(&product);
+            for (value, taken) in column[row..first + BLOCK].iter_mut().zip(taken) {
+                *value -= taken;
             }
         }
     }
     let mut triangle = [[0.0; COLUMNS]; COLUMNS];
-    for (own, column) in triangle.iter_mut().zip(block.chunks_exact(height)) {
+    for (own, column) in triangle.iter_mut().zip(block.chunks_exact(stride)) {
         own.copy_from_slice(&column[first..first + COLUMNS]);
     }
     if !factor_triangle(&mut triangle) {
@@ -169,18 +179,22 @@ fn factor_block<S: Simd, const COLUMNS: usize>(
         }
     }
     let mut row = first + BLOCK;
-    while row + 2 * S::F64_LANES <= height {
-        eliminate::<S, COLUMNS, 2>(simd, done, block, height, row, first, &factors);
+    while row + 2 * S::F64_LANES <= stride - BLOCK {
+        eliminate::<S, COLUMNS, 2>(simd, done, block, stride, row, first, &factors);
         row += 2 * S::F64_LANES;
     }
-    while row < height {
-        eliminate::<S, COLUMNS, 1>(simd, done, block, height, row, first, &factors);
+    while row < stride - BLOCK {
+        eliminate::<S, COLUMNS, 1>(simd, done, block, stride, row, first, &factors);
         row += S::F64_LANES;
     }
 
     // Of the triangle, solves use the inverse: a product waits for less than a substitution
     invert_triangle(&mut triangle);
-    for (k, (own, column)) in triangle.iter().zip(block.chunks_exact_mut(height)).enumerate() {
+    for (k, (own, column)) in triangle
+        .iter()
+        .zip(block.chunks_exact_mut(stride))
+        .enumerate()
+    {
         column[first..first + k].fill(0.0);
         column[first + k..first + COLUMNS].copy_from_slice(&own[k..]);
     }
@@ -231,13 +245,13 @@ fn eliminate<S: Simd, const COLUMNS: usize, const VECTORS: usize>(
     simd: S,
     done: &[f64],
     block: &mut [f64],
-    height: usize,
+    stride: usize,
     row: usize,
     first: usize,
     triangle: &[[S::f64s; COLUMNS]; COLUMNS],
 ) {
-    let mut x = products::<S, COLUMNS, VECTORS>(simd, done, height, row, first);
-    for (k, column) in block.chunks_exact_mut(height).enumerate() {
+    let mut x = products::<S, COLUMNS, VECTORS>(simd, done, stride, row, first);
+    for (k, column) in block.chunks_exact_mut(stride).enumerate() {
         let values = vectors_mut::<S, VECTORS>(column, row);
         for (v, value) in values.iter_mut().enumerate() {
             let mut sum = simd.sub_f64s(*value, x[k][v]);
@@ -255,17 +269,17 @@ fn eliminate<S: Simd, const COLUMNS: usize, const VECTORS: usize>(
 fn negative_squares<S: Simd>(
     simd: S,
     update: &mut [f64],
-    bottom: usize,
+    update_stride: usize,
     panel: &[f64],
-    height: usize,
+    stride: usize,
 ) {
-    let top = height - bottom;
-    for (block, target) in update.chunks_exact_mut(BLOCK * bottom).enumerate() {
+    let (top, bottom) = (stride - update_stride, update_stride - BLOCK);
+    for (block, target) in update.chunks_exact_mut(BLOCK * update_stride).enumerate() {
         let first = block * BLOCK;
         let mut row = first;
         while row + 2 * S::F64_LANES <= bottom {
-            let sums = products::<S, BLOCK, 2>(simd, panel, height, top + row, top + first);
-            for (column, sums) in target.chunks_exact_mut(bottom).zip(sums) {
+            let sums = products::<S, BLOCK, 2>(simd, panel, stride, top + row, top + first);
+            for (column, sums) in target.chunks_exact_mut(update_stride).zip(sums) {
                 for (value, sum) in vectors_mut::<S, 2>(column, row).iter_mut().zip(sums) {
                     *value = simd.neg_f64s(sum);
                 }
@@ -273,8 +287,8 @@ fn negative_squares<S: Simd>(
             row += 2 * S::F64_LANES;
         }
         while row < bottom {
-            let sums = products::<S, BLOCK, 1>(simd, panel, height, top + row, top + first);
-            for (column, sums) in target.chunks_exact_mut(bottom).zip(sums) {
+            let sums = products::<S, BLOCK, 1>(simd, panel, stride, top + row, top + first);
+            for (column, sums) in target.chunks_exact_mut(update_stride).zip(sums) {
                 for (value, sum) in vectors_mut::<S, 1>(column, row).iter_mut().zip(sums) {
                     *value = simd.neg_f64s(sum);
                 }
@@ -290,12 +304,12 @@ fn negative_squares<S: Simd>(
 fn products<S: Simd, const COLUMNS: usize, const VECTORS: usize>(
     simd: S,
     panel: &[f64],
-    height: usize,
+    stride: usize,
     row: usize,
     factor: usize,
 ) -> [[S::f64s; VECTORS]; COLUMNS] {
     let mut sums = [[simd.splat_f64s(0.0); VECTORS]; COLUMNS];
-    for column in panel.chunks_exact(height) {
+    for column in panel.chunks_exact(stride) {
         let values = vectors::<S, VECTORS>(column, row);
         for (sums, &factor) in sums.iter_mut().zip(&column[factor..factor + COLUMNS]) {
             let factor = simd.splat_f64s(factor);

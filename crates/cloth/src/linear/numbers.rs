@@ -22,10 +22,7 @@ impl Unknown for f64 {
         self + other
     }
 
-    fn of<'a>(
-        numbers: &'a mut Unknowns<f64>,
-        _: &'a mut Unknowns<Point>,
-    ) -> &'a mut Unknowns<f64> {
+    fn of<'a>(numbers: &'a mut Unknowns<f64>, _: &'a mut Unknowns<Point>) -> &'a mut Unknowns<f64> {
         numbers
     }
 
@@ -73,7 +70,9 @@ impl Unknown for f64 {
         }
         let left = Four::load(x);
         for c in 0..COLUMNS {
-            x[c] = Four::zero(simd).plus(simd, T::four(&triangle[c]), left).sum(simd);
+            x[c] = Four::zero(simd)
+                .plus(simd, T::four(&triangle[c]), left)
+                .sum(simd);
         }
     }
 }

@@ -1,26 +1,36 @@
 //! Vector instructions, chosen at run time: the only file that names pulp.
 
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::V3;
 use pulp::{Arch, Scalar};
 pub(super) use pulp::{Simd, WithSimd};
 
 /// Columns are eliminated in blocks of so many, and the two parts of a front, its columns and the
-/// rows below, are each padded with zeros to a multiple of it: no vector is ever cut short.
+/// rows below, are each padded with zeros to a multiple of it: no vector of a block is ever cut short.
 pub(super) const BLOCK: usize = 4;
 
 /// Runs an operation with the widest vectors of this processor that a block has room for.
 pub(super) fn dispatch<Op: WithSimd>(operation: Op) -> Op::Output {
-    Arch::new().dispatch(AtMostBlock(operation))
+    #[cfg(target_arch = "x86_64")]
+    if let Some(simd) = V3::try_new() {
+        return Simd::vectorize(simd, operation);
+    }
+    Arch::new().dispatch(AtMost::<_, BLOCK>(operation))
 }
 
-struct AtMostBlock<Op>(Op);
+/// The same with vectors that two blocks have room for.
+pub(super) fn dispatch_wide<Op: WithSimd>(operation: Op) -> Op::Output {
+    Arch::new().dispatch(AtMost::<_, { 2 * BLOCK }>(operation))
+}
 
-impl<Op: WithSimd> WithSimd for AtMostBlock<Op> {
+struct AtMost<Op, const LANES: usize>(Op);
+
+impl<Op: WithSimd, const LANES: usize> WithSimd for AtMost<Op, LANES> {
     type Output = Op::Output;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Op::Output {
-        // Wider vectors are there only if another crate asks pulp for them.
-        if S::F64_LANES <= BLOCK {
+        if S::F64_LANES <= LANES {
             self.0.with_simd(simd)
         } else {
             self.0.with_simd(Scalar::new())

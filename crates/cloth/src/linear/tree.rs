@@ -37,11 +37,11 @@ impl Panels {
 
 #[inline(always)]
 fn keep<T: Stored>(kept: &mut [T], front: &Front, panel: &[f64]) {
-    let height = front.height();
+    let (height, stride) = (front.height(), front.panel_stride());
     let mut kept = kept.chunks_exact_mut(BLOCK);
-    for (k, columns) in panel.chunks(BLOCK * height).enumerate() {
+    for (k, columns) in panel.chunks(BLOCK * stride).enumerate() {
         for row in (k * BLOCK..height).step_by(BLOCK) {
-            for (column, kept) in columns.chunks_exact(height).zip(&mut kept) {
+            for (column, kept) in columns.chunks_exact(stride).zip(&mut kept) {
                 for (kept, &value) in kept.iter_mut().zip(&column[row..row + BLOCK]) {
                     *kept = T::nearest(value);
                 }
@@ -168,6 +168,22 @@ impl Front {
 
     pub(super) fn blocks(&self) -> usize {
         self.columns.div_ceil(BLOCK)
+    }
+
+    /// How far apart columns of the panel that is being factored are: the last vector of a column may
+    /// reach into a block more than there is.
+    pub(super) fn panel_stride(&self) -> usize {
+        self.height() + BLOCK
+    }
+
+    /// The same of the update matrix.
+    pub(super) fn update_stride(&self) -> usize {
+        self.bottom() + BLOCK
+    }
+
+    /// How many entries its update matrix has.
+    pub(super) fn update_entries(&self) -> usize {
+        self.bottom() * self.update_stride()
     }
 
     /// How many entries its panel has.
