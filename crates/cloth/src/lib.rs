@@ -19,6 +19,7 @@ mod settings;
 mod shape;
 mod simulator;
 mod solid;
+mod star;
 mod state;
 mod substep;
 mod support;

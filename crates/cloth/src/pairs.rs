@@ -4,12 +4,14 @@
 //! until a node gets off its way by more than was reckoned with.
 
 use std::collections::HashSet;
+use std::ops::Range;
 
 use selvedge_math::DVec3;
 
 use crate::Mesh;
 use crate::broad::{Moving, Tree};
 use crate::distance::{Kind, approach, distance};
+use crate::star::Stars;
 use crate::surroundings::Part;
 
 /// Pairs are looked for so long ahead [s], or one substep.
@@ -52,18 +54,36 @@ impl Candidate {
     }
 }
 
+/// A quad, or a triangle that is part of none.
+#[derive(Clone, Copy, Debug)]
+struct Cell {
+    /// A triangle has its last corner twice.
+    corners: [u32; 4],
+    /// Its first triangle, and how many it has.
+    triangle: usize,
+    count: usize,
+}
+
+impl Cell {
+    fn range(&self) -> Range<usize> {
+        self.triangle..self.triangle + self.count
+    }
+}
+
 /// The pairs of features that may come near.
 #[derive(Debug)]
 pub(crate) struct Pairs {
     triangles: Vec<[u32; 3]>,
+    cells: Vec<Cell>,
     /// All edges, diagonals too.
     edges: Vec<[u32; 2]>,
     /// Corners and edges of each triangle that no triangle before has.
     own: Vec<Own>,
+    stars: Stars,
     tree: Tree,
     /// Where each node was when pairs were looked for, and the way [m] it was going to go.
     paths: Vec<[DVec3; 2]>,
-    /// The mean way of each triangle, and how much that of a corner differs from it at most [m].
+    /// The mean way of each cell, and how much that of a corner differs from it at most [m].
     courses: Vec<(DVec3, f64)>,
     /// How near features are that matter [m].
     reach: f64,
@@ -85,17 +105,31 @@ impl Pairs {
     pub(crate) fn new(mesh: &Mesh, reach: f64) -> Self {
         let mut triangles = mesh.triangles().to_vec();
         let mut edges = mesh.edges().to_vec();
+        let lone = |(first, &[a, b, c]): (usize, &[u32; 3])| Cell {
+            corners: [a, b, c, c],
+            triangle: first,
+            count: 1,
+        };
+        let mut cells: Vec<Cell> = triangles.iter().enumerate().map(lone).collect();
         for &[a, b, c, d] in mesh.quads() {
+            let first = triangles.len();
             triangles.extend([[a, b, c], [a, c, d]]);
             edges.push([a.min(c), a.max(c)]);
+            cells.push(Cell {
+                corners: [a, b, c, d],
+                triangle: first,
+                count: 2,
+            });
         }
         edges.sort_unstable();
         let rest = mesh.rest();
-        let centre = |t: &[u32; 3]| t.iter().map(|&k| rest[k as usize]).sum::<DVec3>() / 3.0;
-        let centres: Vec<DVec3> = triangles.iter().map(centre).collect();
+        let centre =
+            |cell: &Cell| 0.25 * cell.corners.map(|k| rest[k as usize]).iter().sum::<DVec3>();
+        let centres: Vec<DVec3> = cells.iter().map(centre).collect();
         Self {
             own: own_parts(&triangles),
-            courses: vec![(DVec3::ZERO, 0.0); triangles.len()],
+            stars: Stars::new(rest, cells.iter().map(|cell| &triangles[cell.range()])),
+            courses: vec![(DVec3::ZERO, 0.0); cells.len()],
             tree: Tree::new(&centres),
             paths: vec![[DVec3::ZERO; 2]; rest.len()],
             reach,
@@ -106,6 +140,7 @@ impl Pairs {
             list: Vec::new(),
             most: 200 * mesh.node_count() + 10_000,
             triangles,
+            cells,
             edges,
         }
     }
@@ -142,31 +177,31 @@ impl Pairs {
         let Self {
             paths,
             triangles,
+            cells,
             own,
+            stars,
             courses,
+            tree,
             list,
             ..
         } = self;
-        for (course, triangle) in courses.iter_mut().zip(&*triangles) {
-            let ways = triangle.map(|k| paths[k as usize][1]);
-            let mean = (ways[0] + ways[1] + ways[2]) / 3.0;
+        stars.look(paths, reach);
+        for (course, cell) in courses.iter_mut().zip(&*cells) {
+            let ways = cell.corners.map(|k| paths[k as usize][1]);
+            let mean = 0.25 * (ways[0] + ways[1] + ways[2] + ways[3]);
             let off = ways.map(|way| way.distance_squared(mean));
-            *course = (mean, off[0].max(off[1]).max(off[2]).sqrt());
+            *course = (mean, off[0].max(off[1]).max(off[2]).max(off[3]).sqrt());
         }
-        self.tree.set_boxes(|t| {
-            let [a, b, c] = triangles[t as usize].map(|k| {
+        tree.set_boxes(|cell| {
+            let [a, b, c, d] = cells[cell as usize].corners.map(|k| {
                 let [at, way] = paths[k as usize];
                 Moving::around([at, at + way], 0.5 * reach)
             });
-            a.join(&b).join(&c)
+            a.join(&b).join(&c.join(&d))
         });
-        let found = self.tree.meetings(|first, second| {
-            let [first, second] = [first, second].map(|t| t as usize);
-            // Far is what no two of their points bring together, a cheaper bound than that of each pair.
-            let far = {
-                let [(a, r), (b, s)] = [courses[first], courses[second]];
-                reach + a.distance(b) + r + s
-            };
+        // Two triangles that no two of their points bring together when they are `far` apart, a cheaper bound
+        // than that of each pair
+        let mut meet = |first: usize, second: usize, far: f64| {
             let mut add = |kind: Kind, nodes: [u32; 4]| {
                 let at = nodes.map(|k| paths[k as usize][0]);
                 if !are_apart(kind, &at, far) {
@@ -193,7 +228,26 @@ impl Pairs {
                 }
             }
             list.len() < most
-        });
+        };
+        let within = |(cell, (_, off)): (&Cell, &(DVec3, f64))| {
+            let first = cell.triangle;
+            cell.count < 2
+                || stars.hold([&cell.corners; 2])
+                || meet(first, first + 1, reach + 2.0 * off)
+        };
+        let mut found = cells.iter().zip(&*courses).all(within);
+        found = found
+            && tree.meetings(|a, b| {
+                let [a, b] = [a, b].map(|cell| cell as usize);
+                if stars.hold([&cells[a].corners, &cells[b].corners]) {
+                    return true;
+                }
+                let [(a_way, r), (b_way, s)] = [courses[a], courses[b]];
+                let far = reach + a_way.distance(b_way) + r + s;
+                let [a, b] = [a, b].map(|cell| cells[cell].range());
+                a.into_iter()
+                    .all(|first| b.clone().all(|second| meet(first, second, far)))
+            });
         if found {
             self.ahead = [now, substeps * h];
             (self.share, self.off) = (1.0 / substeps, 0.0);
