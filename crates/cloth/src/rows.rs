@@ -225,7 +225,7 @@ impl Rows {
         let middle = |k: u32| 0.5 * (start[k as usize] + end[k as usize]);
         let of_edges = self.of_edges.iter_mut().zip(&self.edges);
         for ((gradient, edge), length) in of_edges.zip(&self.lengths) {
-            *gradient = (middle(edge[1]) - middle(edge[0])) / *length;
+            *gradient = (middle(edge[1]) - middle(edge[0])) * (1.0 / *length);
         }
         let of_quads = self.of_quads.iter_mut().zip(&self.quads);
         for ((gradient, quad), product) in of_quads.zip(&self.products) {
@@ -431,21 +431,28 @@ impl Rows {
 
     /// Strain of the edges that are imposed.
     pub(crate) fn strain(&self, x: &[DVec3], nodes: &Nodes) -> Strain {
-        let mut strain = Strain::default();
+        let (mut shortest, mut longest) = (0.0_f64, 0.0_f64);
+        let (mut unsolved, mut open) = (0.0_f64, 0.0_f64);
         for (row, (edge, &length)) in self.edges.iter().zip(&self.lengths).enumerate() {
             if !self.exempt[row] {
-                let c = stretch(edge, length, x) / length;
-                let all = ((1.0 + 2.0 * c).max(0.0).sqrt() - 1.0).abs();
+                let value = stretch(edge, length, x);
                 // C/l is the strain up to its square.
-                let unsolved = (c + self.give[row] / length * self.multipliers[row]).abs();
+                let per_length = 1.0 / length;
+                shortest = shortest.min(value * per_length);
+                longest = longest.max(value * per_length);
+                let left = (value + self.give[row] * self.multipliers[row]).abs() * per_length;
                 let sticks = edge.iter().any(|&node| nodes.sticks(node as usize));
                 let weight = if sticks { 1.0 / STUCK } else { 1.0 };
-                strain.largest = strain.largest.max(all);
-                strain.unsolved = strain.unsolved.max(unsolved);
-                strain.open = strain.open.max(weight * unsolved);
+                unsolved = unsolved.max(left);
+                open = open.max(weight * left);
             }
         }
-        strain
+        let of_value = |c: f64| ((1.0 + 2.0 * c).max(0.0).sqrt() - 1.0).abs();
+        Strain {
+            largest: of_value(shortest).max(of_value(longest)),
+            unsolved,
+            open,
+        }
     }
 
     /// Largest rate at which an edge that is imposed gets longer than it should [m/s].
