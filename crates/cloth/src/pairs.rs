@@ -173,86 +173,83 @@ impl Pairs {
             return false;
         }
         let reach = self.reach + 2.0 * self.drift;
-        let most = self.most;
-        let Self {
-            paths,
-            triangles,
-            cells,
-            own,
-            stars,
-            courses,
-            tree,
-            list,
-            ..
-        } = self;
-        stars.look(paths, reach);
-        for (course, cell) in courses.iter_mut().zip(&*cells) {
-            let ways = cell.corners.map(|k| paths[k as usize][1]);
+        self.stars.look(&self.paths, reach);
+        for (course, cell) in self.courses.iter_mut().zip(&self.cells) {
+            let ways = cell.corners.map(|k| self.paths[k as usize][1]);
             let mean = 0.25 * (ways[0] + ways[1] + ways[2] + ways[3]);
             let off = ways.map(|way| way.distance_squared(mean));
             *course = (mean, off[0].max(off[1]).max(off[2]).max(off[3]).sqrt());
         }
-        tree.set_boxes(|cell| {
-            let [a, b, c, d] = cells[cell as usize].corners.map(|k| {
-                let [at, way] = paths[k as usize];
+        self.tree.set_boxes(|cell| {
+            let [a, b, c, d] = self.cells[cell as usize].corners.map(|k| {
+                let [at, way] = self.paths[k as usize];
                 Moving::around([at, at + way], 0.5 * reach)
             });
             a.join(&b).join(&c.join(&d))
         });
-        // Two triangles that no two of their points bring together when they are `far` apart, a cheaper bound
-        // than that of each pair
-        let mut meet = |first: usize, second: usize, far: f64| {
-            let mut add = |kind: Kind, nodes: [u32; 4]| {
-                let at = nodes.map(|k| paths[k as usize][0]);
-                if !are_apart(kind, &at, far) {
-                    let candidate = Candidate::new(Pair { kind, nodes }, paths);
-                    if candidate.distance <= reach + candidate.approach {
-                        list.push(candidate);
-                    }
-                }
-            };
-            for [of, other] in [[first, second], [second, first]] {
-                let [a, b, c] = triangles[other];
-                for &node in own[of].nodes() {
-                    if node != a && node != b && node != c {
-                        add(Kind::NodeTriangle, [node, a, b, c]);
-                    }
+        let mut list = std::mem::take(&mut self.list);
+        let mut meet = |first: Range<usize>, second: Range<usize>, far: f64| {
+            for first in first {
+                for second in second.clone() {
+                    self.meet([first, second], [reach, far], &mut list);
                 }
             }
-            for &e in own[first].edges() {
-                for &f in own[second].edges() {
-                    let ([p, q], [r, s]) = (e.min(f), e.max(f));
-                    if p != r && p != s && q != r && q != s {
-                        add(Kind::EdgeEdge, [p, q, r, s]);
-                    }
-                }
-            }
-            list.len() < most
+            list.len() < self.most
         };
         let within = |(cell, (_, off)): (&Cell, &(DVec3, f64))| {
-            let first = cell.triangle;
-            cell.count < 2
-                || stars.hold([&cell.corners; 2])
-                || meet(first, first + 1, reach + 2.0 * off)
+            let Range { start, end } = cell.range();
+            self.stars.hold([&cell.corners; 2])
+                || meet(start..start + 1, start + 1..end, reach + 2.0 * off)
         };
-        let mut found = cells.iter().zip(&*courses).all(within);
+        let mut found = self.cells.iter().zip(&self.courses).all(within);
         found = found
-            && tree.meetings(|a, b| {
+            && self.tree.meetings(|a, b| {
                 let [a, b] = [a, b].map(|cell| cell as usize);
-                if stars.hold([&cells[a].corners, &cells[b].corners]) {
-                    return true;
-                }
-                let [(a_way, r), (b_way, s)] = [courses[a], courses[b]];
-                let far = reach + a_way.distance(b_way) + r + s;
-                let [a, b] = [a, b].map(|cell| cells[cell].range());
-                a.into_iter()
-                    .all(|first| b.clone().all(|second| meet(first, second, far)))
+                let cells = [&self.cells[a], &self.cells[b]];
+                // Far is what no two of their points bring together, a cheaper bound than that of each pair.
+                let far = || {
+                    let [(a, r), (b, s)] = [self.courses[a], self.courses[b]];
+                    reach + a.distance(b) + r + s
+                };
+                self.stars.hold(cells.map(|cell| &cell.corners))
+                    || meet(cells[0].range(), cells[1].range(), far())
             });
+        self.list = list;
         if found {
             self.ahead = [now, substeps * h];
             (self.share, self.off) = (1.0 / substeps, 0.0);
         }
         found
+    }
+
+    /// Adds the pairs of features of two triangles that may come within `reach` [m] to a list, except those that a
+    /// plane keeps `far` [m] apart.
+    fn meet(&self, [first, second]: [usize; 2], [reach, far]: [f64; 2], list: &mut Vec<Candidate>) {
+        let mut add = |kind: Kind, nodes: [u32; 4]| {
+            let at = nodes.map(|k| self.paths[k as usize][0]);
+            if !are_apart(kind, &at, far) {
+                let candidate = Candidate::new(Pair { kind, nodes }, &self.paths);
+                if candidate.distance <= reach + candidate.approach {
+                    list.push(candidate);
+                }
+            }
+        };
+        for [of, other] in [[first, second], [second, first]] {
+            let [a, b, c] = self.triangles[other];
+            for &node in self.own[of].nodes() {
+                if node != a && node != b && node != c {
+                    add(Kind::NodeTriangle, [node, a, b, c]);
+                }
+            }
+        }
+        for &e in self.own[first].edges() {
+            for &f in self.own[second].edges() {
+                let ([p, q], [r, s]) = (e.min(f), e.max(f));
+                if p != r && p != s && q != r && q != s {
+                    add(Kind::EdgeEdge, [p, q, r, s]);
+                }
+            }
+        }
     }
 
     /// Whether the pairs are those of the substep of `h` [s] from `now` [s] on too: every node is near
@@ -295,7 +292,7 @@ pub(crate) fn shortest_edge(mesh: &Mesh) -> f64 {
 }
 
 /// The edges of a triangle, each with its lower node first.
-fn edges(&[a, b, c]: &[u32; 3]) -> [[u32; 2]; 3] {
+pub(crate) fn edges(&[a, b, c]: &[u32; 3]) -> [[u32; 2]; 3] {
     [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)])
 }
 

@@ -10,6 +10,7 @@ use glam::{DMat2, DVec2};
 use selvedge_math::DVec3;
 
 use crate::distance::{Kind, distance};
+use crate::pairs::edges;
 
 /// The stars of all nodes.
 #[derive(Debug)]
@@ -131,26 +132,25 @@ fn add_spokes(spokes: &mut Vec<Spoke>, rest: &[DVec3], node: u32, star: &[[u32; 
 
 /// How far features of a star that share no node are apart at rest [m].
 fn clearance(rest: &[DVec3], star: &[[u32; 3]]) -> f64 {
+    let mut nodes = star.as_flattened().to_vec();
+    nodes.sort_unstable();
+    nodes.dedup();
+    let mut edges: Vec<[u32; 2]> = star.iter().flat_map(edges).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    let apart = |kind, nodes: [u32; 4]| distance(kind, &nodes.map(|node: u32| rest[node as usize]));
     let mut least = f64::INFINITY;
-    let mut look = |kind, nodes: [u32; 4]| {
-        let [p, q, r, s] = nodes;
-        let shared = match kind {
-            Kind::NodeTriangle => p == q || p == r || p == s,
-            Kind::EdgeEdge => p == r || p == s || q == r || q == s,
-        };
-        if !shared {
-            least = least.min(distance(kind, &nodes.map(|k| rest[k as usize])));
+    for node in nodes {
+        for triangle @ &[a, b, c] in star {
+            if !triangle.contains(&node) {
+                least = least.min(apart(Kind::NodeTriangle, [node, a, b, c]));
+            }
         }
-    };
-    for first in star {
-        for second in star {
-            let [a, b, c] = *second;
-            for k in 0..3 {
-                look(Kind::NodeTriangle, [first[k], a, b, c]);
-                let [p, q] = [first[k], first[(k + 1) % 3]];
-                for [r, s] in [[a, b], [b, c], [c, a]] {
-                    look(Kind::EdgeEdge, [p, q, r, s]);
-                }
+    }
+    for (k, [p, q]) in edges.iter().enumerate() {
+        for other @ [r, s] in &edges[k + 1..] {
+            if !other.contains(p) && !other.contains(q) {
+                least = least.min(apart(Kind::EdgeEdge, [*p, *q, *r, *s]));
             }
         }
     }
