@@ -1,7 +1,8 @@
 //! Which features of a cloth may come near each other: found for some time ahead.
 //!
-//! Nodes are taken to go on straight. What meets then is found by a tree of boxes that move, and serves
-//! until a node gets off its way by more than was reckoned with.
+//! Nodes are taken to go on straight. What meets then is found by a tree of boxes that move, but for what is around
+//! nodes where the cloth lies about as at rest, and serves until a node gets off its way by more than was
+//! reckoned with.
 
 use std::collections::HashSet;
 use std::ops::Range;
@@ -201,8 +202,7 @@ impl Pairs {
             self.stars.hold([&cell.corners; 2])
                 || meet(start..start + 1, start + 1..end, reach + 2.0 * off)
         };
-        let mut found = self.cells.iter().zip(&self.courses).all(within);
-        found = found
+        let found = self.cells.iter().zip(&self.courses).all(within)
             && self.tree.meetings(|a, b| {
                 let [a, b] = [a, b].map(|cell| cell as usize);
                 let cells = [&self.cells[a], &self.cells[b]];
@@ -385,19 +385,56 @@ mod tests {
     /// ones.
     #[test]
     fn nothing_that_comes_near_is_left_out() {
-        let mesh = Mesh::grid([5, 6], [0.08, 0.1]).unwrap();
-        let all: Vec<Pair> = {
-            // Everything is within a metre.
-            let mut pairs = Pairs::new(&mesh, 1.0);
-            assert!(pairs.find([mesh.rest(), mesh.rest()], 0.0, H));
-            pairs.near().copied().collect()
-        };
+        let grid = Mesh::grid([5, 6], [0.08, 0.1]).unwrap();
+        nothing_is_left_out(&grid);
+        // Some quads as two triangles
+        let (halved, quads): (Vec<_>, Vec<_>) =
+            (0..).zip(grid.quads()).partition(|(k, _)| k % 3 == 0);
+        let halves = halved
+            .iter()
+            .flat_map(|(_, [a, b, c, d])| [[*b, *c, *d], [*b, *d, *a]]);
+        let (quads, halves) = (
+            quads.iter().map(|(_, quad)| **quad).collect(),
+            halves.collect(),
+        );
+        let mixed = Mesh::new(grid.rest().to_vec(), quads, halves).unwrap();
+        nothing_is_left_out(&mixed);
+    }
+
+    fn nothing_is_left_out(mesh: &Mesh) {
+        let Pairs {
+            triangles, edges, ..
+        } = Pairs::new(mesh, REACH);
+        let mut all = Vec::new();
+        for &[a, b, c] in &triangles {
+            let nodes = (0..mesh.node_count() as u32).filter(|node| ![a, b, c].contains(node));
+            all.extend(nodes.map(|node| Pair {
+                kind: Kind::NodeTriangle,
+                nodes: [node, a, b, c],
+            }));
+        }
+        for (k, &[p, q]) in edges.iter().enumerate() {
+            let others = edges[k + 1..]
+                .iter()
+                .filter(|other| !other.contains(&p) && !other.contains(&q));
+            all.extend(others.map(|&[r, s]| Pair {
+                kind: Kind::EdgeEdge,
+                nodes: [p, q, r, s],
+            }));
+        }
         let (state, mut near_count, mut left_out) = (&mut 3, 0, 0);
         for round in 0..60 {
-            let mut pairs = Pairs::new(&mesh, REACH);
-            // A crumpled sheet that goes as a whole, or whose nodes go anywhere, not quite straight
+            let mut pairs = Pairs::new(mesh, REACH);
+            // A crumpled sheet, or one folded once, that goes as a whole, or whose nodes go anywhere, not quite
+            // straight
             let mut x: Vec<DVec3> = Vec::new();
-            x.extend(mesh.rest().iter().map(|x| 0.4 * *x + 0.04 * random(state)));
+            x.extend(mesh.rest().iter().map(|at| match round % 3 {
+                0 => {
+                    let layer = DVec3::Z * 5e-4_f64.copysign(at.x);
+                    DVec3::new(at.x.abs(), at.y, 0.0) + layer + 2e-4 * random(state)
+                }
+                _ => 0.4 * *at + 0.04 * random(state),
+            }));
             let mut ways: Vec<DVec3> = Vec::new();
             let apart = 0.01 * f64::from(round % 2);
             ways.extend(x.iter().map(|_| 0.01 * DVec3::X + apart * random(state)));

@@ -436,10 +436,10 @@ impl Rows {
         for (row, (edge, &length)) in self.edges.iter().zip(&self.lengths).enumerate() {
             if !self.exempt[row] {
                 let value = stretch(edge, length, x);
-                // C/l is the strain up to its square.
                 let per_length = 1.0 / length;
                 shortest = shortest.min(value * per_length);
                 longest = longest.max(value * per_length);
+                // C/l is the strain up to its square.
                 let left = (value + self.give[row] * self.multipliers[row]).abs() * per_length;
                 let sticks = edge.iter().any(|&node| nodes.sticks(node as usize));
                 let weight = if sticks { 1.0 / STUCK } else { 1.0 };

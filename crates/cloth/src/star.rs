@@ -59,8 +59,8 @@ impl Stars {
         }
     }
 
-    /// Looks which stars are calm while nodes are where their paths begin and go those ways: whose
-    /// features stay further apart than `reach` [m].
+    /// Finds the stars that are calm: whose features stay further apart than `reach` [m] while the nodes go from
+    /// where their paths begin along their ways.
     pub(crate) fn look(&mut self, paths: &[[DVec3; 2]], reach: f64) {
         for (node, ([from, way], calm)) in paths.iter().zip(&mut self.calm).enumerate() {
             let [first, end] = [0, 1].map(|k| self.first[node + k] as usize);
@@ -81,9 +81,9 @@ impl Stars {
                 at.distance_squared(u * x + v * y + normal * z)
             };
             let off = spokes.iter().map(off).fold(0.0, f64::max);
-            // A star that has collapsed has no frame.
-            *calm =
-                v.is_finite() && self.clearance[node] - 2.0 * (off.sqrt() + apart.sqrt()) > reach;
+            // A star that has collapsed, into a point or a line, has no frame: `v` is not a unit vector then.
+            let has_frame = v.length_squared() > 1.0 - 1e-12;
+            *calm = has_frame && self.clearance[node] - 2.0 * (off.sqrt() + apart.sqrt()) > reach;
         }
     }
 
@@ -125,8 +125,9 @@ fn add_spokes(spokes: &mut Vec<Spoke>, rest: &[DVec3], node: u32, star: &[[u32; 
             });
         }
     }
+    let inverse = square.inverse();
     for spoke in &mut spokes[first..] {
-        spoke.weights = square.inverse() * spoke.weights;
+        spoke.weights = inverse * spoke.weights;
     }
 }
 
@@ -240,5 +241,15 @@ mod tests {
         let mut stars = Stars::new(mesh.rest(), cells.iter().map(|cell| &cell[..]));
         stars.look(&[[DVec3::ONE, DVec3::ZERO]; 9], 0.0);
         assert_eq!(stars.calm, [false; 9]);
+        // On a line, where what is left of a normal is rounding
+        let state = &mut 3;
+        for _ in 0..2000 {
+            let line = DVec3::new(random(state), random(state), random(state)).normalize();
+            let share = 0.3 * random(state);
+            let on_line = |at: &DVec3| [line * (at.x + share * at.y), DVec3::ZERO];
+            let paths: Vec<_> = mesh.rest().iter().map(on_line).collect();
+            stars.look(&paths, REACH);
+            assert_eq!(stars.calm, [false; 9], "{line} {share}");
+        }
     }
 }

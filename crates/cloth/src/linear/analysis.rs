@@ -244,7 +244,7 @@ impl Cholesky {
 #[derive(Clone, Default)]
 struct Sizes {
     panels: usize,
-    /// Entries of the largest.
+    /// Entries of the largest while it is factored.
     panel: usize,
     /// Height of the tallest front.
     tallest: usize,

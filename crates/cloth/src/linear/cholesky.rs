@@ -147,6 +147,7 @@ impl Cholesky {
 
 #[cfg(test)]
 mod tests {
+    use super::super::simd::dispatch;
     use super::*;
 
     /// The five-point matrix of a grid with a diagonal that makes it definite, and one without.
@@ -231,6 +232,26 @@ mod tests {
         assert!(cholesky.branches.len() > 2);
         cholesky.set_threads(&Threads::new(threads).unwrap());
         cholesky
+    }
+
+    /// Where there are vectors of eight numbers, factors are made with them, and are those of vectors of four.
+    #[test]
+    fn wide_vectors_give_the_same_bits() {
+        for n in [1, 2, 3, 5, 17, 40] {
+            let matrix = grid_matrix(n, 4.5);
+            let values = values(&matrix);
+            let mut wide = analyse(n * n, &matrix);
+            let mut narrow = analyse(n * n, &matrix);
+            wide.factor(&values).unwrap();
+            assert!(
+                narrow.branches.is_empty() && dispatch(Factor(&mut narrow.trunk, &values, &[]))
+            );
+            let bits = |cholesky: &Cholesky| match &cholesky.trunk.panels {
+                Panels::Double(panels) => panels.iter().map(|x| x.to_bits()).collect::<Vec<_>>(),
+                Panels::Single(_) => panic!("large"),
+            };
+            assert_eq!(bits(&wide), bits(&narrow), "{n} x {n}");
+        }
     }
 
     fn solve(cholesky: &mut Cholesky, n: usize) -> (Vec<f64>, Vec<DVec3>) {

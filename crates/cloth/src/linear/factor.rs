@@ -99,12 +99,12 @@ impl WithSimd for Factor<'_> {
     }
 }
 
-/// Adds some columns of a child's update matrix to a matrix whose columns are `height` apart, and whose first row
+/// Adds some columns of a child's update matrix to a matrix whose columns are `target_stride` apart, and whose first row
 /// is the front's row `first`.
 #[inline(always)]
 fn add(
     target: &mut [f64],
-    height: usize,
+    target_stride: usize,
     first: usize,
     child: &Front,
     columns: Range<usize>,
@@ -116,7 +116,7 @@ fn add(
     let stride = child.update_stride();
     for k in columns {
         let rows = &places[k..];
-        let column = &mut target[(rows[0] as usize - first) * height..];
+        let column = &mut target[(rows[0] as usize - first) * target_stride..];
         for (&row, value) in rows.iter().zip(&values[k * stride + k..]) {
             column[row as usize - first] += value;
         }

@@ -59,7 +59,7 @@ impl<S: Simd> Four<S> {
     #[inline(always)]
     pub(super) fn load(values: &[f64; BLOCK]) -> Self {
         let vectors = S::as_simd_f64s(values).0;
-        // What is not used is anything.
+        // Those not used repeat the first.
         Self(std::array::from_fn(|k| vectors[k % vectors.len()]))
     }
 

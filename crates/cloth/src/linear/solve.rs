@@ -140,7 +140,7 @@ fn gather<'a, U: Unknown>(
     local
 }
 
-/// The first block of these unknowns.
+/// [`Unknown::forward`] for the first of these blocks of unknowns, and those after it.
 #[inline(always)]
 fn forward<S: Simd, T: Stored, U: Unknown, const COLUMNS: usize>(
     simd: S,
@@ -153,7 +153,7 @@ fn forward<S: Simd, T: Stored, U: Unknown, const COLUMNS: usize>(
     }
 }
 
-/// The same for the other pass.
+/// [`Unknown::backward`] for the first of these blocks of unknowns, and those after it.
 #[inline(always)]
 fn backward<S: Simd, T: Stored, U: Unknown, const COLUMNS: usize>(
     simd: S,

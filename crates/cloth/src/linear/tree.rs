@@ -50,7 +50,7 @@ fn keep<T: Stored>(kept: &mut [T], front: &Front, panel: &[f64]) {
     }
 }
 
-/// As many rows of a block of so many columns as a block has, column by column.
+/// [`BLOCK`] rows of a block of so many columns, column by column.
 pub(super) type Tile<T, const COLUMNS: usize> = [[T; BLOCK]; COLUMNS];
 
 /// What a tree is solved for.
