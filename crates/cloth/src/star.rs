@@ -72,18 +72,17 @@ impl Stars {
                 v += (end - *from) * spoke.weights.y;
                 apart = apart.max(end_way.distance_squared(*way));
             }
-            let normal = u.cross(v).normalize();
-            let u = (u.normalize() + v.normalize().cross(normal)).normalize();
-            let v = normal.cross(u);
+            let Some([u, v, normal]) = frame(u, v) else {
+                *calm = false;
+                continue;
+            };
             let off = |spoke: &Spoke| {
                 let at = paths[spoke.node as usize][0] - *from;
                 let DVec3 { x, y, z } = spoke.rest;
                 at.distance_squared(u * x + v * y + normal * z)
             };
             let off = spokes.iter().map(off).fold(0.0, f64::max);
-            // A star that has collapsed, into a point or a line, has no frame: `v` is not a unit vector then.
-            let has_frame = v.length_squared() > 1.0 - 1e-12;
-            *calm = has_frame && self.clearance[node] - 2.0 * (off.sqrt() + apart.sqrt()) > reach;
+            *calm = self.clearance[node] - 2.0 * (off.sqrt() + apart.sqrt()) > reach;
         }
     }
 
@@ -96,6 +95,17 @@ impl Stars {
             .filter(is_calm)
             .any(|node| second.contains(node))
     }
+}
+
+/// The orthonormal frame nearest to two tangents, and their normal; none when they are parallel, up to rounding,
+/// as those of a star that has collapsed into a line or a point.
+#[inline]
+fn frame(u: DVec3, v: DVec3) -> Option<[DVec3; 3]> {
+    let normal = u.cross(v).normalize();
+    let u = (u.normalize() + v.normalize().cross(normal)).normalize();
+    let v = normal.cross(u);
+    // What is left of the normal of parallel tangents is rounding, which may point along them.
+    (v.length_squared() > 1.0 - 1e-12).then_some([u, v, normal])
 }
 
 /// Adds the spokes of a node, whose star is these triangles.
@@ -172,17 +182,21 @@ mod tests {
         (*state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
     }
 
+    /// A grid of cells of 1 cm, the triangles of each, and its stars.
+    fn sheet(nodes: [usize; 2]) -> (Mesh, Vec<[[u32; 3]; 2]>, Stars) {
+        let sides = nodes.map(|count| 0.01 * (count - 1) as f64);
+        let mesh = Mesh::grid(nodes, sides).unwrap();
+        let quads = mesh.quads().iter();
+        let cells: Vec<_> = quads.map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        let stars = Stars::new(mesh.rest(), cells.iter().map(|cell| &cell[..]));
+        (mesh, cells, stars)
+    }
+
     /// Features of a calm star that share no node stay apart, whichever way the sheet is bent and moves;
     /// stars of a crease are not calm.
     #[test]
     fn nothing_comes_near_in_a_calm_star() {
-        let mesh = Mesh::grid([6, 5], [0.05, 0.04]).unwrap();
-        let cells: Vec<_> = mesh
-            .quads()
-            .iter()
-            .map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
-            .collect();
-        let mut stars = Stars::new(mesh.rest(), cells.iter().map(|cell| &cell[..]));
+        let (mesh, cells, mut stars) = sheet([6, 5]);
         let state = &mut 5;
         let mut count = [0; 2];
         for round in 0..200 {
@@ -232,24 +246,33 @@ mod tests {
 
     #[test]
     fn a_star_without_a_frame_is_not_calm() {
-        let mesh = Mesh::grid([3, 3], [0.02, 0.02]).unwrap();
-        let cells: Vec<_> = mesh
-            .quads()
-            .iter()
-            .map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
-            .collect();
-        let mut stars = Stars::new(mesh.rest(), cells.iter().map(|cell| &cell[..]));
+        let (mesh, _, mut stars) = sheet([3, 3]);
         stars.look(&[[DVec3::ONE, DVec3::ZERO]; 9], 0.0);
         assert_eq!(stars.calm, [false; 9]);
-        // On a line, where what is left of a normal is rounding
+    }
+
+    #[test]
+    fn frames_are_orthonormal_and_parallel_tangents_have_none() {
+        assert_eq!(
+            frame(2.0 * DVec3::X, DVec3::Y),
+            Some([DVec3::X, DVec3::Y, DVec3::Z])
+        );
         let state = &mut 3;
-        for _ in 0..2000 {
-            let line = DVec3::new(random(state), random(state), random(state)).normalize();
-            let share = 0.3 * random(state);
-            let on_line = |at: &DVec3| [line * (at.x + share * at.y), DVec3::ZERO];
-            let paths: Vec<_> = mesh.rest().iter().map(on_line).collect();
-            stars.look(&paths, REACH);
-            assert_eq!(stars.calm, [false; 9], "{line} {share}");
+        for _ in 0..1000 {
+            let [u, v] = [0, 1].map(|_| DVec3::new(random(state), random(state), random(state)));
+            let [a, b, c] = frame(u, v).unwrap();
+            for (product, one) in [
+                (a.dot(a), 1.0),
+                (b.dot(b), 1.0),
+                (c.dot(c), 1.0),
+                (a.dot(b), 0.0),
+                (b.dot(c), 0.0),
+                (c.dot(a), 0.0),
+            ] {
+                assert!((product - one).abs() < 1e-12, "{u} {v}");
+            }
+            // The cross product is not exactly zero.
+            assert_eq!(frame(u * random(state), u * random(state)), None, "{u}");
         }
     }
 }
