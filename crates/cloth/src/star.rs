@@ -246,7 +246,7 @@ mod tests {
 
     #[test]
     fn a_star_without_a_frame_is_not_calm() {
-        let (mesh, _, mut stars) = sheet([3, 3]);
+        let (_, _, mut stars) = sheet([3, 3]);
         stars.look(&[[DVec3::ONE, DVec3::ZERO]; 9], 0.0);
         assert_eq!(stars.calm, [false; 9]);
     }
